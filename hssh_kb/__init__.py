@@ -1,0 +1,1 @@
+"""Large-scale space: experience, axioms, hypotheses, layout, and the questions one asks of them."""
