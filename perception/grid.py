@@ -62,7 +62,7 @@ class Frame:
     resolution_m: float
 
     def to_pixels(self, points_m: Array) -> Array:
-        """Carry points (..., 2) in metres to (column, row) pixel coordinates, cell centres at .0."""
+        """Carry points (..., 2) in metres to (column, row) pixels; cell centres are integers."""
         scaled = (points_m - np.array([self.left_m, self.top_m])) / self.resolution_m
         return np.asarray(scaled * np.array([1.0, -1.0]) - 0.5)
 
