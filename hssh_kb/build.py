@@ -1,0 +1,304 @@
+"""Building a knowledge base: log -> perception -> Experience -> hypotheses -> layout -> map.
+
+Source: the levels of the Hybrid Spatial Semantic Hierarchy, Beeson 2008, chapter 3.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from hssh_kb.errors import InputError, UsageError
+from hssh_kb.experience import Experience, load_trace
+from hssh_kb.records import BuildRecord, PlaceLayout, Raster, Trajectory
+from perception.grid import Frame
+
+if TYPE_CHECKING:
+    from hssh_kb.kb import KnowledgeBase
+    from hssh_kb.ranking import RankedMaps
+    from perception.localise import Trajectory as LocalTrajectory
+    from perception.places import PlaceSettings, PlaceVisit
+    from perception.scanlog import ScanLog
+
+Progress = Callable[[str, int, int], None]
+"""Called with (stage, done, in all)."""
+
+PosesMode = Literal["auto", "corrected", "odometry"]
+Level = Literal["corridor", "door"]
+
+SEARCH_BUDGET_S = 60.0
+CORRECTED_SIGMA = (0.05, 0.05, 0.004)
+"""Error of corrected poses between neighbouring places: m, m, rad, one standard deviation."""
+
+
+def build(
+    input_path: str | Path,
+    *,
+    poses: PosesMode = "auto",
+    level: Level = "corridor",
+    best: int = 5,
+    budget_s: float = SEARCH_BUDGET_S,
+    resolution_m: float = 0.1,
+    progress: Progress | None = None,
+) -> KnowledgeBase:
+    """Build a knowledge base from a CARMEN log or from a trace.
+
+    Parameters
+    ----------
+    input_path : a CARMEN log (plain, gz, xz or bz2) or a ``hssh.trace/1`` file; told apart by
+        content.
+    poses : "corrected" takes the corrected poses that some logs carry as they are; "odometry"
+        takes raw odometry and matches scans; "auto" takes corrected poses where there are any.
+    level : "corridor" leaves narrow openings out of the stars, "door" keeps them.
+    best : how many maps are kept.
+    budget_s : seconds for the search; when spent, the best maps found so far are kept.
+    resolution_m : side of a cell of the global map.
+    progress : called with (stage, done, in all).
+
+    Raises
+    ------
+    InputError : the input cannot be read, or breaks its format.
+    UsageError : poses are asked for that the log does not have.
+
+    Source
+    ------
+    Beeson 2008, chapters 4 to 9, in order.
+    """
+    path = Path(input_path)
+    report = progress or _report_nothing
+    clock = Clock()
+    if _looks_like_json(path):
+        return _build_from_trace(path, best, budget_s, clock)
+    from perception.carmen import read_carmen
+
+    with clock.stage("read"):
+        log = read_carmen(path)
+    return build_from_log(
+        log,
+        poses=poses,
+        level=level,
+        best=best,
+        budget_s=budget_s,
+        resolution_m=resolution_m,
+        progress=report,
+        clock=clock,
+    )
+
+
+def build_from_log(
+    log: ScanLog,
+    *,
+    poses: PosesMode = "auto",
+    level: Level = "corridor",
+    best: int = 5,
+    budget_s: float = SEARCH_BUDGET_S,
+    resolution_m: float = 0.1,
+    progress: Progress | None = None,
+    clock: Clock | None = None,
+) -> KnowledgeBase:
+    """Build a knowledge base from a scan log in memory; see :func:`build`.
+
+    Raises
+    ------
+    InputError : the drive passed no place at all.
+    UsageError : poses are asked for that the log does not have.
+    """
+    from hssh_kb.kb import KnowledgeBase
+    from hssh_kb.perceive import make_experience
+    from perception.localise import covariance_between
+    from perception.mapping import draw_map
+    from perception.places import detect_places
+
+    report, clock = progress or _report_nothing, clock or Clock()
+    with clock.stage("localise"):
+        local = _localise(log, poses, lambda done, total: report("localise", done, total))
+    with clock.stage("places"):
+        visits = detect_places(
+            log,
+            local.poses,
+            settings_for(level),
+            lambda done, total: report("places", done, total),
+        )
+    if not visits:
+        raise InputError(
+            f"{log.source}: no place was found along the drive ({len(log)} scans); a drive has to "
+            "pass a corridor crossing, a corner or a dead end"
+        )
+    experience = make_experience(
+        visits,
+        local.poses,
+        lambda i, j: covariance_between(local, i, j),
+        source=log.source,
+        times_s=log.times_s,
+    )
+    with clock.stage("search"):
+        report("search", 0, 1)
+        ranked = _rank(experience, best, budget_s)
+        report("search", 1, 1)
+    with clock.stage("layout"):
+        trajectory, layouts = _settle(experience, ranked, log, local, visits)
+    with clock.stage("map"):
+        grid = draw_map(log, trajectory, resolution_m=resolution_m)
+    return KnowledgeBase(
+        experience,
+        ranked,
+        layouts,
+        lpms={v: _tile(visit) for v, visit in enumerate(visits)},
+        trajectory=Trajectory(
+            trajectory,
+            log.times_s,
+            np.array([visit.scan for visit in visits], np.int64),
+            log.odometry,
+            log.corrected,
+        ),
+        global_map=Raster(grid.image(), grid.frame),
+        record=BuildRecord(
+            source=log.source,
+            version=own_version(),
+            scans=len(log),
+            seconds=clock.seconds,
+            notices=log.notices + experience.notices,
+            options={"poses": poses, "level": level, "best": best, "resolution_m": resolution_m},
+        ),
+    )
+
+
+def settings_for(level: Level) -> PlaceSettings:
+    """Return how places are detected at a level.
+
+    Raises
+    ------
+    UsageError : there is no such level.
+    """
+    from perception.places import PlaceSettings
+
+    if level == "corridor":
+        return PlaceSettings()
+    if level == "door":
+        return replace(PlaceSettings(), min_frontier_m=0.5, min_depth_m=0.5, robot_radius_m=0.3)
+    raise UsageError(f"there is no level {level!r}: use 'corridor' or 'door'")
+
+
+def _localise(
+    log: ScanLog, poses: PosesMode, report: Callable[[int, int], None]
+) -> LocalTrajectory:
+    """Return the drive in its own frame: corrected poses, or odometry with scan matching."""
+    from perception.localise import Trajectory as LocalTrajectory
+    from perception.localise import localise
+
+    if poses == "corrected" and log.corrected is None:
+        raise UsageError(f"{log.source}: the log carries no corrected poses; use --poses odometry")
+    if poses == "odometry" and log.odometry is None:
+        raise UsageError(f"{log.source}: the log carries no odometry; use --poses corrected")
+    if poses == "odometry" or log.corrected is None:
+        return localise(log, progress=report)
+    count = len(log)
+    lengths = np.hypot(*np.diff(log.corrected[:, :2], axis=0, prepend=log.corrected[:1, :2]).T)
+    # A corrected pose is off by much the same everywhere: spread that over a typical travel.
+    share = (lengths + 0.05) / 10.0
+    steps = np.diag(np.square(CORRECTED_SIGMA))[None] * share[:, None, None]
+    report(count, count)
+    return LocalTrajectory(log.corrected, steps, np.ones(count, bool), np.ones(count))
+
+
+def _rank(experience: Experience, best: int, budget_s: float) -> RankedMaps:
+    from hssh_kb.ranking import rank_maps
+
+    return rank_maps(experience, best=best, budget_s=budget_s)
+
+
+def _settle(
+    experience: Experience,
+    ranked: RankedMaps,
+    log: ScanLog,
+    local: LocalTrajectory,
+    visits: tuple[PlaceVisit, ...],
+) -> tuple[np.ndarray, tuple[PlaceLayout | None, ...]]:
+    """Lay out every map kept; the trajectory is that of the first."""
+    from hssh_kb.metrical import settle_drive
+
+    settled = [
+        settle_drive(experience, hypothesis, log, local.poses, visits) for hypothesis in ranked.maps
+    ]
+    if not settled:
+        return local.poses, ()
+    return settled[0][0], tuple(places for _, places in settled)
+
+
+def _tile(visit: PlaceVisit) -> Raster:
+    """Return the stored LPM of a visit in the frame of the visit."""
+    frame = visit.tile_frame
+    x, y = visit.centre_m
+    return Raster(
+        visit.tile, Frame(frame.left_m - float(x), frame.top_m - float(y), frame.resolution_m)
+    )
+
+
+def _build_from_trace(path: Path, best: int, budget_s: float, clock: Clock) -> KnowledgeBase:
+    from hssh_kb.kb import KnowledgeBase
+    from hssh_kb.layout import lay_out_hypothesis
+
+    with clock.stage("read"):
+        experience = load_trace(path)
+    with clock.stage("search"):
+        ranked = _rank(experience, best, budget_s)
+    layouts = list[PlaceLayout | None]()
+    with clock.stage("layout"):
+        if experience.has_displacements:
+            for hypothesis in ranked.maps:
+                laid = lay_out_hypothesis(experience, hypothesis)
+                layouts.append(PlaceLayout(laid.poses, laid.covariances, laid.chi2))
+    record = BuildRecord(
+        source=str(path),
+        version=own_version(),
+        seconds=clock.seconds,
+        notices=experience.notices,
+        options={"best": best},
+    )
+    return KnowledgeBase(experience, ranked, tuple(layouts), record=record)
+
+
+class Clock:
+    """Seconds by stage."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Add the time spent inside to a stage."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            spent = time.perf_counter() - start
+            self.seconds[name] = round(self.seconds.get(name, 0.0) + spent, 3)
+
+
+def _report_nothing(stage: str, done: int, total: int) -> None:
+    """Take the place of a progress bar."""
+
+
+def _looks_like_json(path: Path) -> bool:
+    """Tell a trace from a log by its first visible character."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(4096).lstrip(b"\xef\xbb\xbf \t\r\n")
+    except OSError:
+        return False
+    return head[:1] in (b"{", b"[")
+
+
+def own_version() -> str:
+    """Return the version of the installed package; "unknown" outside an installation."""
+    try:
+        return version("hssh")
+    except PackageNotFoundError:
+        return "unknown"
