@@ -261,7 +261,7 @@ def _chain_odometry(lines: Lines) -> Array:
             lost = False
     track = _wrap(np.array(poses))
     motion = between(track[:-1], track[1:])
-    motion[np.array(is_jump[1:])] = 0.0
+    motion[np.array(is_jump[1:], bool)] = 0.0
     return np.asarray(_accumulate(motion)[np.array(at_scan)])
 
 

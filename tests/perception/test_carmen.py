@@ -296,3 +296,10 @@ def test_a_real_log_without_odometry_has_none():
     assert log.corrected is not None
     assert "no odometry" in log.notices[0]
     assert 0.02 < np.isnan(log.ranges_m).mean() < 0.03  # 982 of 42897 are the error codes
+
+
+def test_one_scan_of_a_rewritten_log_is_enough(tmp_path):
+    text = "NEFF 30\n" + format_flaser([1.0, 2.0, 3.0], (1, 2, 0.5))
+    log = read_carmen(write_text(tmp_path / "a.log", text))
+    assert log.corrected.tolist() == [[1, 2, 0.5]]
+    assert log.odometry.tolist() == [[0, 0, 0]]

@@ -78,7 +78,7 @@ def damage(data: bytes, rng: np.random.Generator) -> bytes:
 def test_damaged_text_never_crashes(originals, seed):
     folder, texts = originals
     rng = np.random.default_rng(seed)
-    for _ in range(150):
+    for _ in range(250):
         data = texts[rng.integers(len(texts))]
         for _ in range(rng.integers(1, 4)):
             data = damage(data, rng)
