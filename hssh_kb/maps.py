@@ -1,0 +1,333 @@
+"""Maps of an experience: all consistent ones, the minimal ones, and the paths of one."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from hssh_kb.errors import UsageError
+from hssh_kb.experience import Experience
+from hssh_kb.facts import experience_to_facts
+from hssh_kb.hypothesis import Hypothesis
+from hssh_kb.solver import Symbol, is_satisfiable, solve_all, solve_best, solve_minimal
+from hssh_kb.theory import axiom_program, policy_levels, policy_program, read_programs
+
+Dstate = tuple[int, int]
+_CORE = ("experience", "generate", "map", "modes/strict", "show")
+_ALWAYS = ("star_isomorphism", "travel_function", "reversibility")
+
+
+@dataclass(frozen=True)
+class Enumeration:
+    """Maps that were found, and what is known about the others.
+
+    Attributes
+    ----------
+    maps : sorted by (visits, offsets, readings); the minimal ones by (paths, places) first.
+    complete : True if there are no others of the kind asked for.
+    inconsistent_from : the first visit with which no map is left, or None; the maps are then
+        those of the visits before it.
+    costs : for minimal maps, the number of each thing preferred few, in order of priority.
+    """
+
+    maps: tuple[Hypothesis, ...]
+    complete: bool
+    inconsistent_from: int | None = None
+    costs: tuple[tuple[int, ...], ...] = ()
+
+
+def strict_program(
+    experience: Experience,
+    *,
+    order: bool = True,
+    planarity: bool = True,
+    visits: int | None = None,
+    wide: bool = False,
+    further: Sequence[str] = (),
+) -> str:
+    """Return the program whose models are the consistent maps of the first visits.
+
+    Parameters
+    ----------
+    experience : what was lived through.
+    order, planarity : whether these axioms are loaded.
+    visits : how many visits; all by default.
+    wide : take the generator that hides no axiom instead of the tight one; same maps, slower.
+    further : names of further files.
+    """
+    names = [*_CORE, "wide" if wide else "tight", *map(axiom_program, _ALWAYS)]
+    if order:
+        names.append(axiom_program("order_irreflexive"))
+    if planarity:
+        names.append(axiom_program("planarity"))
+    count = len(experience) if visits is None else visits
+    return read_programs([*names, *further]) + experience_to_facts(experience, range(count))
+
+
+def enumerate_maps(
+    experience: Experience,
+    *,
+    order: bool = True,
+    planarity: bool = True,
+    limit: int | None = None,
+    budget_s: float | None = None,
+) -> Enumeration:
+    """Find all maps that are consistent with an experience.
+
+    Parameters
+    ----------
+    experience : what was lived through.
+    order, planarity : whether these axioms hold.
+    limit : stop after so many maps.
+    budget_s : stop after so many seconds.
+
+    Returns
+    -------
+    Enumeration : ``complete`` is False if a budget ended the search. An experience that
+        contradicts itself gives the maps of its longest consistent beginning.
+
+    Raises
+    ------
+    UsageError : a budget that is not positive.
+    """
+    end = _deadline(limit, budget_s)
+    count = len(experience)
+    found = _enumerate(experience, count, order, planarity, limit, budget_s)
+    if found.maps or not found.complete:
+        return found
+    broken = find_inconsistent_visit(
+        experience, order=order, planarity=planarity, budget_s=_rest(end)
+    )
+    if broken is None:
+        return Enumeration((), complete=False)
+    kept = _enumerate(experience, broken, order, planarity, limit, _rest(end))
+    return Enumeration(kept.maps, kept.complete, inconsistent_from=broken)
+
+
+def find_inconsistent_visit(
+    experience: Experience,
+    *,
+    order: bool = True,
+    planarity: bool = True,
+    budget_s: float | None = None,
+) -> int | None:
+    """Return the first visit N such that visits 0..N have no map; None if all have one.
+
+    Also None if the budget ran out; consistency never returns once lost, so bisection finds N.
+    """
+    end = None if budget_s is None else time.monotonic() + budget_s
+
+    def consistent(count: int) -> bool | None:
+        program = strict_program(experience, order=order, planarity=planarity, visits=count)
+        return is_satisfiable(program, _rest(end))
+
+    low, high = 1, len(experience) + 1  # low visits have a map; high is open
+    step = 1
+    while low < len(experience):
+        probe = min(low + step, len(experience), high - 1)
+        if probe <= low:
+            break
+        answer = consistent(probe)
+        if answer is None:
+            return None
+        if answer:
+            low, step = probe, step * 2
+        else:
+            high, step = probe, max(1, (probe - low) // 2)
+    return high - 1 if high <= len(experience) else None
+
+
+def minimal_maps(
+    experience: Experience,
+    *,
+    minimal: str = "cardinality",
+    policy: str = "paths-then-places",
+    planarity: bool = True,
+    limit: int | None = None,
+    budget_s: float | None = None,
+) -> Enumeration:
+    """Find the minimal maps of an experience: all that tie for the best.
+
+    Parameters
+    ----------
+    experience : what was lived through.
+    minimal : "cardinality" (fewest) or "subset" (circumscription: no map has a proper part of
+        what is to be few).
+    policy : which preference; see :data:`hssh_kb.theory.POLICIES`.
+    planarity : whether this axiom holds.
+    limit : stop after so many maps.
+    budget_s : stop after so many seconds; then ``complete`` is False and the maps, if any, are
+        the best seen so far.
+
+    Raises
+    ------
+    UsageError : unknown ``minimal`` or ``policy``, a budget that is not positive.
+
+    Source
+    ------
+    Beeson, Modayil & Kuipers 2010, section 3.3 (prioritised circumscription of Remolina &
+    Kuipers 2004).
+    """
+    if minimal not in ("cardinality", "subset"):
+        raise UsageError(f"minimal is 'cardinality' or 'subset', not {minimal!r}")
+    end = _deadline(limit, budget_s)
+    find = _best_by_cardinality if minimal == "cardinality" else _best_by_subset
+    count = len(experience)
+    found = find(experience, count, policy, planarity, limit, budget_s)
+    if found.maps or not found.complete:
+        return found
+    broken = find_inconsistent_visit(experience, planarity=planarity, budget_s=_rest(end))
+    if broken is None:
+        return Enumeration((), complete=False)
+    kept = find(experience, broken, policy, planarity, limit, _rest(end))
+    return Enumeration(kept.maps, kept.complete, broken, kept.costs)
+
+
+def _best_by_cardinality(
+    experience: Experience,
+    count: int,
+    policy: str,
+    planarity: bool,
+    limit: int | None,
+    budget_s: float | None,
+) -> Enumeration:
+    further = ("objective", policy_program(policy))
+    program = strict_program(experience, planarity=planarity, visits=count, further=further)
+    convert = make_converter(count, _has_alternatives(experience))
+    models = solve_best(program, convert, limit=limit, budget_s=budget_s)
+    maps = tuple(sorted(models.found, key=_sort_key))
+    return Enumeration(maps, models.complete, costs=(models.cost,) * len(maps))
+
+
+def _best_by_subset(
+    experience: Experience,
+    count: int,
+    policy: str,
+    planarity: bool,
+    limit: int | None,
+    budget_s: float | None,
+) -> Enumeration:
+    levels = policy_levels(policy)
+    program = strict_program(experience, planarity=planarity, visits=count, further=("objective",))
+    convert = make_converter(count, _has_alternatives(experience))
+    models = solve_minimal(program, levels, convert, limit=limit, budget_s=budget_s)
+    return Enumeration(tuple(sorted(models.found, key=_sort_key)), models.complete)
+
+
+def _enumerate(
+    experience: Experience,
+    count: int,
+    order: bool,
+    planarity: bool,
+    limit: int | None,
+    budget_s: float | None,
+) -> Enumeration:
+    program = strict_program(experience, order=order, planarity=planarity, visits=count)
+    convert = make_converter(count, _has_alternatives(experience))
+    models = solve_all(program, convert, limit=limit, budget_s=budget_s)
+    return Enumeration(tuple(sorted(models.found, key=_sort_key)), models.complete)
+
+
+def make_converter(count: int, readings: bool) -> Callable[[Sequence[Symbol]], Hypothesis]:
+    """Return what turns the shown atoms of a model into a hypothesis over ``count`` visits.
+
+    The arguments of each distinct atom are read once and kept: a model is then a few lookups.
+    """
+    cache: dict[Symbol, tuple[int, int, int]] = {}
+    identity, zeros = list(range(count)), [0] * count
+
+    def convert(symbols: Sequence[Symbol]) -> Hypothesis:
+        visits, offsets = identity.copy(), zeros.copy()
+        chosen = zeros.copy() if readings else []
+        for symbol in symbols:
+            entry = cache.get(symbol)
+            if entry is None:
+                numbers = [argument.number for argument in symbol.arguments]
+                entry = (numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else -1)
+                cache[symbol] = entry
+            v, value, offset = entry
+            if offset < 0:
+                chosen[v] = value
+            else:
+                visits[v], offsets[v] = value, offset
+        return Hypothesis(tuple(visits), tuple(offsets), tuple(chosen))
+
+    return convert
+
+
+def _has_alternatives(experience: Experience) -> bool:
+    return any(len(visit.readings) > 1 for visit in experience.visits)
+
+
+def _sort_key(
+    hypothesis: Hypothesis,
+) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
+    return hypothesis.visits, hypothesis.offsets, hypothesis.readings
+
+
+def _deadline(limit: int | None, budget_s: float | None) -> float | None:
+    if limit is not None and limit < 1:
+        raise UsageError(f"the limit must be at least 1 map, not {limit}")
+    if budget_s is None:
+        return None
+    if not budget_s > 0:
+        raise UsageError(f"the budget must be more than 0 seconds, not {budget_s:g}")
+    return time.monotonic() + budget_s
+
+
+def _rest(end: float | None) -> float | None:
+    return None if end is None else max(end - time.monotonic(), 0.0)
+
+
+def path_classes(experience: Experience, hypothesis: Hypothesis) -> tuple[tuple[Dstate, ...], ...]:
+    """Return the directed paths of a map, each as the dstates (place, dlp) on it in order.
+
+    Every dlp of every place is on exactly one directed path, travelled or not. Directed paths
+    come in pairs, one for each direction, unless a path is circular or doubles back.
+
+    Returns
+    -------
+    tuple of tuples of (place, index of a dlp of the star of the place); sorted.
+    """
+    ahead: dict[Dstate, Dstate] = {}
+    for v in range(1, len(hypothesis.visits)):
+        if v in hypothesis.doubted:
+            continue
+        before, now = hypothesis.reading(experience, v - 1), hypothesis.reading(experience, v)
+        if before.depart is None or now.arrive is None:
+            continue
+        leave = hypothesis.place_dlp(experience, v - 1, before.depart)
+        face = hypothesis.place_dlp(experience, v, now.arrive)
+        ahead[leave] = face
+        back = hypothesis.place_dlp(experience, v, now.star.opposite(now.arrive))
+        home = hypothesis.place_dlp(experience, v - 1, before.star.opposite(before.depart))
+        ahead[back] = home
+    dstates = [
+        (p, k)
+        for p in hypothesis.places
+        for k in range(len(hypothesis.reading(experience, p).star))
+    ]
+    behind = set(ahead.values())
+    starts = [q for q in dstates if q not in behind]
+    seen: set[Dstate] = set()
+    paths = []
+    for start in [*starts, *dstates]:  # what is left after the true starts is circular
+        path, q = [], start
+        while q is not None and q not in seen:
+            seen.add(q)
+            path.append(q)
+            q = ahead.get(q, start)
+        if path:
+            paths.append(tuple(path))
+    return tuple(sorted(paths))
+
+
+def count_paths(experience: Experience, hypothesis: Hypothesis) -> int:
+    """Return the number of paths of a map, paths on which nobody has travelled included."""
+    number = {q: i for i, path in enumerate(path_classes(experience, hypothesis)) for q in path}
+    pairs = set()
+    for (p, k), i in number.items():
+        opposite = hypothesis.reading(experience, p).star.opposite(k)
+        pairs.add(frozenset((i, number[p, opposite])))
+    return len(pairs)

@@ -1,0 +1,176 @@
+"""The theory as files: where the axioms lie, what each says, what each predicate means.
+
+The logic itself is in ``axioms/``; nothing here or elsewhere in Python forbids a map.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from hssh_kb.errors import InternalError, UsageError
+
+_FIELD = re.compile(
+    r"%\s*(?P<key>Number|Name|Title|Says|Source|Status|Reads|Derives):\s*(?P<text>.*)"
+)
+_MORE = re.compile(r"%\s{2,}(?P<text>\S.*)")
+_PATHS, _PLACES, _READINGS = [("path", 2)], [("first", 1)], [("dear", 2)]
+_LEVELS: dict[str, list[list[tuple[str, int]]]] = {
+    "paths-then-places": [_PATHS, _PLACES, _READINGS],
+    "places-then-paths": [_PLACES, _PATHS, _READINGS],
+    "places-only": [_PLACES, _READINGS],
+}
+POLICIES = tuple(_LEVELS)
+"""The preferences that ship, each in a file of ``axioms/policies``."""
+
+
+@dataclass(frozen=True)
+class Axiom:
+    """One axiom: its place in the theory and its words.
+
+    Attributes
+    ----------
+    number : 1 to 10 are the equations of Beeson, Modayil & Kuipers 2010, section 3.3.
+    name : the constant that stands for it in the programs.
+    title : a handful of words.
+    text : the statement in words.
+    source : document, section, equation.
+    status : as published, adapted (why) or ours (why).
+    file : name of the file in the axiom directory.
+    reads : the predicates it judges.
+    clauses : the heads by which it is violated, one a clause.
+    """
+
+    number: int
+    name: str
+    title: str
+    text: str
+    source: str
+    status: str
+    file: str
+    reads: tuple[str, ...]
+    clauses: tuple[str, ...]
+
+
+@cache
+def axiom_directory() -> Path:
+    """Return the directory of the ``.lp`` files: inside the installed package, or the checkout.
+
+    Raises
+    ------
+    InternalError : the installation lacks them.
+    """
+    here = Path(__file__).resolve().parent
+    for directory in (here / "axioms", here.parent / "axioms"):
+        if (directory / "generate.lp").is_file():
+            return directory
+    raise InternalError(f"the axiom files are missing beside {here}; reinstall the package")
+
+
+@cache
+def read_program(name: str) -> str:
+    """Return the text of one file of the axiom directory, named without ``.lp``."""
+    path = axiom_directory() / f"{name}.lp"
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InternalError(f"{path}: cannot be read ({error.strerror}); reinstall") from None
+
+
+def read_programs(names: Iterable[str]) -> str:
+    """Return the texts of several files as one program."""
+    return "\n".join(read_program(name) for name in names)
+
+
+def policy_program(policy: str) -> str:
+    """Return the file name of a policy.
+
+    Raises
+    ------
+    UsageError : no policy of that name ships.
+    """
+    if policy not in POLICIES:
+        raise UsageError(f"no policy is called {policy!r}; there are {', '.join(POLICIES)}")
+    return f"policies/{policy.replace('-', '_')}"
+
+
+def policy_levels(policy: str) -> list[list[tuple[str, int]]]:
+    """Return what a policy makes few: predicates (name, arity) by level, highest first."""
+    policy_program(policy)
+    return _LEVELS[policy]
+
+
+@cache
+def list_axioms() -> tuple[Axiom, ...]:
+    """Return all axioms by number, read from the headers of their files.
+
+    Examples
+    --------
+    >>> next(axiom.name for axiom in list_axioms() if axiom.number == 8)
+    'order_irreflexive'
+    """
+    files = sorted(axiom_directory().glob("[0-9][0-9]_*.lp"))
+    return tuple(sorted((_parse_axiom(path) for path in files), key=lambda axiom: axiom.number))
+
+
+@cache
+def find_axiom(name: str) -> Axiom:
+    """Return the axiom of a name.
+
+    Raises
+    ------
+    UsageError : there is none.
+    """
+    for axiom in list_axioms():
+        if axiom.name == name:
+            return axiom
+    known = ", ".join(axiom.name for axiom in list_axioms())
+    raise UsageError(f"no axiom is called {name!r}; there are {known}")
+
+
+def axiom_program(name: str) -> str:
+    """Return the file name, without ``.lp``, of an axiom."""
+    return find_axiom(name).file.removesuffix(".lp")
+
+
+@cache
+def read_messages() -> dict[str, dict[str, str]]:
+    """Return the sentences for violations: axiom, clause, template."""
+    text = (axiom_directory() / "messages.toml").read_text(encoding="utf-8")
+    return tomllib.loads(text)
+
+
+def _parse_axiom(path: Path) -> Axiom:
+    fields: dict[str, str] = {}
+    key = ""
+    for line in path.read_text(encoding="utf-8").splitlines():
+        if match := _FIELD.match(line):
+            key = match["key"]
+            fields[key] = match["text"].strip()
+        elif key and (match := _MORE.match(line)):
+            fields[key] += " " + match["text"].strip()
+        else:
+            key = ""
+            if not line.startswith("%"):
+                break
+    missing = {"Number", "Name", "Title", "Says", "Source", "Status", "Reads", "Derives"} - set(
+        fields
+    )
+    if missing:
+        raise InternalError(f"{path}: the header lacks {', '.join(sorted(missing))}")
+    clauses = re.findall(r"violation\(\w+, (\w+)", fields["Derives"])
+    return Axiom(
+        number=int(fields["Number"]),
+        name=fields["Name"],
+        title=fields["Title"],
+        text=fields["Says"],
+        source=fields["Source"],
+        status=fields["Status"],
+        file=path.name,
+        reads=tuple(re.findall(r"\w+/\d+", fields["Reads"])),
+        clauses=tuple(clauses),
+    )
