@@ -1,0 +1,273 @@
+"""Path continuity: which gateways lie on one path, and the stars that follow.
+
+Source: Beeson 2008, 5.2.2. The published test asks two rays to hit; the default asks for the
+best mutual alignment by angle and lateral offset, with a margin over the second best, and says
+how likely the other readings are.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from perception.errors import InputError
+from perception.gateways import Gateway
+from perception.star import Dlp, Star
+
+Continuity = Literal["angle", "ray"]
+MAX_BEND_RAD = math.radians(40.0)
+_SOFTNESS_RAD = math.radians(4.0)
+_MARGIN = 0.15
+_LEAST_WEIGHT = 0.03
+_MOST_READINGS = 4
+
+
+@dataclass(frozen=True)
+class StarReading:
+    """One way to read the star of a place.
+
+    Attributes
+    ----------
+    star : its dlps, clockwise as seen in the image.
+    gateway_out : per dlp, the index of the gateway it leaves through; None where alpha is 0.
+    headings_px : per dlp, its direction in pixel axes, radians, atan2(dy, dx).
+    weight : probability of this reading; those of one place sum to 1.
+    """
+
+    star: Star
+    gateway_out: tuple[int | None, ...]
+    headings_px: tuple[float, ...]
+    weight: float
+
+
+def read_stars(
+    gateways: Sequence[Gateway],
+    centre_px: tuple[float, float],
+    *,
+    continuity: Continuity = "angle",
+) -> tuple[StarReading, ...]:
+    """Read the star from gateways, with runner-ups where a path continuity is in doubt.
+
+    Parameters
+    ----------
+    gateways : those of one place.
+    centre_px : its middle; the circular order is taken about it.
+    continuity : ``"angle"`` (default) or ``"ray"``, the test as published.
+
+    Returns
+    -------
+    The readings, most probable first.
+
+    Raises
+    ------
+    InputError : there is no such continuity.
+    """
+    if continuity not in ("angle", "ray"):
+        raise InputError(f"there is no path continuity {continuity!r}; choose 'angle' or 'ray'")
+    if continuity == "ray":
+        return (_read(gateways, centre_px, _match_by_rays(gateways), 1.0),)
+    matchings = _match_by_angle(gateways)
+    readings: list[StarReading] = []
+    for pairs, weight in matchings:
+        readings.append(_read(gateways, centre_px, pairs, weight))
+    return _merge(readings)
+
+
+def _bend(g: Gateway, h: Gateway) -> float:
+    """Return the angle between passing in through g and out through h, radians, >= 0."""
+    turn = h.outward_rad - g.outward_rad - math.pi
+    return abs((turn + math.pi) % (2 * math.pi) - math.pi)
+
+
+def _offset(g: Gateway, h: Gateway) -> float:
+    """Return the lateral offset of h from g across their mean direction, in pixels."""
+    dx = math.cos(h.outward_rad) - math.cos(g.outward_rad)
+    dy = math.sin(h.outward_rad) - math.sin(g.outward_rad)
+    length = math.hypot(dx, dy)
+    if length < 1e-9:
+        return math.inf
+    ex, ey = h.centre_px[0] - g.centre_px[0], h.centre_px[1] - g.centre_px[1]
+    return abs(ex * dy - ey * dx) / length
+
+
+def _misfit(g: Gateway, h: Gateway) -> float:
+    """Return how badly two gateways continue each other: 0 perfect, 1 at the limit of the bend."""
+    reach = max(g.width_px, h.width_px) / 2
+    offset = _offset(g, h) / reach if reach > 0 else math.inf
+    if offset > 1.5:
+        return math.inf
+    return _bend(g, h) / MAX_BEND_RAD + 0.5 * max(offset - 0.5, 0.0)
+
+
+Pairs = tuple[tuple[int, int], ...]
+
+
+def _match_by_angle(gateways: Sequence[Gateway]) -> list[tuple[Pairs, float]]:
+    """Return matchings of gateways to paths and their probabilities."""
+    size = len(gateways)
+    misfit = {
+        (i, j): _misfit(gateways[i], gateways[j]) for i, j in itertools.combinations(range(size), 2)
+    }
+    candidates = []
+    for (i, j), value in misfit.items():
+        rival = min(
+            (
+                misfit[min(a, b), max(a, b)]
+                for a, b in [*((i, k) for k in range(size)), *((j, k) for k in range(size))]
+                if a != b and {a, b} != {i, j}
+            ),
+            default=math.inf,
+        )
+        sure = _share(value, rival)
+        if sure >= _LEAST_WEIGHT:
+            candidates.append(((i, j), sure))
+    matchings: list[tuple[Pairs, float]] = [((), 1.0)]
+    for pair, sure in sorted(candidates, key=lambda item: -item[1]):
+        grown: list[tuple[Pairs, float]] = []
+        for pairs, weight in matchings:
+            if any(set(pair) & set(other) for other in pairs):
+                grown.append((pairs, weight))
+                continue
+            grown.append(((*pairs, pair), weight * sure))
+            if sure < 1.0 - _LEAST_WEIGHT:
+                grown.append((pairs, weight * (1.0 - sure)))
+        matchings = sorted(grown, key=lambda item: -item[1])[:32]
+    return matchings
+
+
+def _share(value: float, rival: float) -> float:
+    """Return the probability that a pair is one path: within the bend, and ahead of its rivals."""
+    if not math.isfinite(value):
+        return 0.0
+    bend = 1.0 / (1.0 + math.exp((value - 1.0) * MAX_BEND_RAD / _SOFTNESS_RAD))
+    if not math.isfinite(rival):
+        return bend
+    lead = (rival - value - _MARGIN) / (_MARGIN / 2)
+    return bend / (1.0 + math.exp(min(max(-lead, -60.0), 60.0)))
+
+
+def _match_by_rays(gateways: Sequence[Gateway]) -> Pairs:
+    """Return the pairs whose inward normals hit each other's segment, as published."""
+    hits = [
+        (i, j)
+        for i, j in itertools.combinations(range(len(gateways)), 2)
+        if _hits(gateways[i], gateways[j]) and _hits(gateways[j], gateways[i])
+    ]
+    hits.sort(key=lambda pair: _bend(gateways[pair[0]], gateways[pair[1]]))
+    pairs: list[tuple[int, int]] = []
+    for pair in hits:
+        if not any(set(pair) & set(other) for other in pairs):
+            pairs.append(pair)
+    return tuple(pairs)
+
+
+def _hits(g: Gateway, h: Gateway) -> bool:
+    """Tell whether the inward normal from the middle of g meets the segment of h."""
+    dx, dy = -math.cos(g.outward_rad), -math.sin(g.outward_rad)
+    sides = []
+    for x, y in h.ends_px:
+        sides.append(dx * (y - g.centre_px[1]) - dy * (x - g.centre_px[0]))
+    ahead = dx * (h.centre_px[0] - g.centre_px[0]) + dy * (h.centre_px[1] - g.centre_px[1])
+    return sides[0] * sides[1] <= 0 and ahead > 0
+
+
+def _read(
+    gateways: Sequence[Gateway], centre_px: tuple[float, float], pairs: Pairs, weight: float
+) -> StarReading:
+    """Build the star in which the given pairs of gateways are one path each."""
+    mate = {i: j for pair in pairs for i, j in (pair, pair[::-1])}
+    reach = max(
+        (math.dist(g.centre_px, centre_px) for g in gateways),
+        default=1.0,
+    )
+    entries: list[tuple[float, float, int | None, int]] = []  # position, heading, gateway, path
+    for k, gateway in enumerate(gateways):
+        path = min(k, mate.get(k, k))
+        position = math.atan2(
+            gateway.centre_px[1] - centre_px[1], gateway.centre_px[0] - centre_px[0]
+        )
+        if math.dist(gateway.centre_px, centre_px) < 1e-6:
+            position = gateway.outward_rad
+        entries.append((position, gateway.outward_rad, k, path))
+        if k not in mate:
+            back = gateway.outward_rad + math.pi
+            entries.append((_leave_circle(gateway, centre_px, reach, back), back, None, path))
+    entries.sort(key=lambda entry: entry[0] % (2 * math.pi))
+    return _name(entries, weight)
+
+
+def _leave_circle(
+    gateway: Gateway, centre_px: tuple[float, float], reach: float, heading: float
+) -> float:
+    """Return at which angle about the centre a ray from the gateway leaves the circle."""
+    x, y = gateway.centre_px[0] - centre_px[0], gateway.centre_px[1] - centre_px[1]
+    dx, dy = math.cos(heading), math.sin(heading)
+    along = x * dx + y * dy
+    root = math.sqrt(max(along**2 - (x * x + y * y) + (reach * 1.001 + 1e-6) ** 2, 0.0))
+    way = -along + root
+    return math.atan2(y + way * dy, x + way * dx)
+
+
+def _name(entries: list[tuple[float, float, int | None, int]], weight: float) -> StarReading:
+    """Name the local-paths in clockwise order from a canonical start."""
+    size = len(entries)
+    if not size:
+        return StarReading(Star(()), (), (), weight)
+    shape = []
+    for k, (_, _, gateway, path) in enumerate(entries):
+        opposite = next(i for i, e in enumerate(entries) if i != k and e[3] == path)
+        shape.append((-int(gateway is not None), (opposite - k) % size))
+
+    def key(start: int) -> tuple[list[tuple[int, int]], float]:
+        turned = shape[start:] + shape[:start]
+        up = (entries[start][1] + math.pi / 2 + 1e-6) % (2 * math.pi)
+        return turned, round(up, 3)
+
+    start = min(range(size), key=key)
+    turned = entries[start:] + entries[:start]
+    names: dict[int, str] = {}
+    for entry in turned:
+        names.setdefault(entry[3], _letters(len(names)))
+    dlps, plus = [], set()
+    both = {path for path in names if sum(e[3] == path and e[2] is not None for e in turned) == 2}
+    for _, _, gateway, path in turned:
+        alpha = int(gateway is not None)
+        first = (path not in plus) if path in both else bool(alpha)
+        if first:
+            plus.add(path)
+        dlps.append(Dlp(names[path], "+" if first else "-", alpha))
+    return StarReading(
+        Star(tuple(dlps)),
+        tuple(entry[2] for entry in turned),
+        tuple(math.remainder(entry[1], 2 * math.pi) for entry in turned),
+        weight,
+    )
+
+
+def _letters(k: int) -> str:
+    """Return a, b, ..., z, aa, ab, ..."""
+    text = ""
+    k += 1
+    while k:
+        k, rest = divmod(k - 1, 26)
+        text = chr(ord("a") + rest) + text
+    return text
+
+
+def _merge(readings: list[StarReading]) -> tuple[StarReading, ...]:
+    """Put equal readings together, keep the likeliest, let their weights sum to 1."""
+    found: dict[tuple[Star, tuple[int | None, ...]], StarReading] = {}
+    for reading in readings:
+        key = reading.star, reading.gateway_out
+        old = found.get(key)
+        weight = reading.weight + (old.weight if old else 0.0)
+        found[key] = StarReading(
+            reading.star, reading.gateway_out, (old or reading).headings_px, weight
+        )
+    best = sorted(found.values(), key=lambda reading: -reading.weight)[:_MOST_READINGS]
+    best = [r for r in best if r.weight >= _LEAST_WEIGHT * best[0].weight] or best[:1]
+    total = sum(reading.weight for reading in best)
+    return tuple(StarReading(r.star, r.gateway_out, r.headings_px, r.weight / total) for r in best)

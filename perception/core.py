@@ -1,0 +1,192 @@
+"""Base points and core of a place neighbourhood, and the arms of skeleton that leave it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.geometry import Array
+from perception.grid import Mask
+from perception.pruning import find_closest
+from perception.region import Region
+from perception.skeleton import OPEN, Branch, Skeleton
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """A stretch of skeleton that leads out of the core.
+
+    Attributes
+    ----------
+    branch : from its base point (a junction, or the point closest to the robot) outward.
+    edge : index of the first point beyond the core.
+    frontier_px : width of the widest exit that can be reached along it; 0 if there is none.
+    depth_px : length of skeleton from the base point to the farthest such exit.
+    """
+
+    branch: Branch
+    edge: int
+    frontier_px: float
+    depth_px: float
+
+
+@dataclass(frozen=True, eq=False)
+class Core:
+    """The heart of the place neighbourhood.
+
+    Attributes
+    ----------
+    closest_px : the point of the skeleton closest to the robot.
+    base_px, base_radius_px : (k, 2), (k,) the base points and their distance to obstacles.
+    at_junction : whether the base points are junctions.
+    arms : what leads away, in no order.
+    """
+
+    closest_px: tuple[float, float]
+    base_px: Array
+    base_radius_px: Array
+    at_junction: bool
+    arms: tuple[Arm, ...]
+
+    def holds(self, points_px: Array) -> Mask:
+        """Return which points (n, 2) lie within the radius of a base point."""
+        gap = points_px[:, None, :] - self.base_px[None, :, :]
+        near = np.hypot(gap[..., 0], gap[..., 1]) <= self.base_radius_px
+        return np.asarray(near.any(axis=1))
+
+
+def find_core(skeleton: Skeleton, region: Region) -> Core:
+    """Find base points and core of a pruned skeleton that has at least one branch.
+
+    Source
+    ------
+    Beeson 2008, Algorithm 6.1.
+    """
+    index, k = find_closest(skeleton, region, region.start)
+    branch = skeleton.branches[index]
+    closest = branch.points_px[k]
+    junctions = skeleton.junctions()
+    if junctions:
+        places = np.array([skeleton.nodes[j].point_px for j in junctions])
+        radii = np.array([skeleton.nodes[j].radius_px for j in junctions])
+        gap = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
+        neighbour = gap <= np.maximum(radii[:, None], radii[None])
+        chosen = np.hypot(*(places - closest).T) <= radii
+        while True:
+            grown = chosen | neighbour[chosen].any(axis=0)
+            if (grown == chosen).all():
+                break
+            chosen = grown
+        if chosen.any():
+            base = [junctions[i] for i in np.flatnonzero(chosen)]
+            core = Core(_as_pair(closest), places[chosen], radii[chosen], True, ())
+            return _with_arms(core, skeleton, region, _leave_junctions(skeleton, base))
+    core = Core(_as_pair(closest), closest[None], branch.radius_px[k : k + 1], False, ())
+    return _with_arms(core, skeleton, region, _leave_point(skeleton, branch, k))
+
+
+def _as_pair(point: Array) -> tuple[float, float]:
+    return float(point[0]), float(point[1])
+
+
+_Leaving = list[tuple[Branch, Branch]]
+"""Branches outward from a base point, each with the branch of the skeleton that it is part of."""
+
+
+def _leave_junctions(skeleton: Skeleton, base: list[int]) -> _Leaving:
+    """Return the branches that start at base junctions, outward, a loop or a link both ways."""
+    leaving = []
+    for branch in skeleton.branches:
+        if branch.tail in base:
+            leaving.append((branch, branch))
+        if branch.head in base:
+            leaving.append((branch.reversed(), branch))
+    return leaving
+
+
+def _leave_point(skeleton: Skeleton, branch: Branch, k: int) -> _Leaving:
+    """Return the two halves of a branch, outward from its point k.
+
+    A half that only leads into a dead end is left out.
+    """
+    degree = skeleton.degree()
+    size = len(branch.points_px)
+    if branch.tail == branch.head and degree[branch.tail] == 2:
+        turned = np.roll(np.arange(size), -k)
+        whole = Branch(
+            -1,
+            -1,
+            branch.points_px[turned],
+            branch.radius_px[turned],
+            branch.left[turned],
+            branch.right[turned],
+        )
+        half = max(size // 2, 1)
+        back = whole.reversed()
+        return [(whole.part(0, half, -1, -2), branch), (back.part(0, half, -1, -2), branch)]
+    halves = []
+    after, before = branch.part(k, size, -1, branch.head), branch.part(0, k + 1, branch.tail, -1)
+    for outward in (after, before.reversed()):
+        node = skeleton.nodes[outward.head]
+        if degree[outward.head] > 1 or node.exit is not None:
+            halves.append((outward, branch))
+    return halves
+
+
+def _with_arms(core: Core, skeleton: Skeleton, region: Region, leaving: _Leaving) -> Core:
+    """Return the core with those of the leaving branches that get out of it."""
+    arms = []
+    for branch, own in leaving:
+        inside = core.holds(branch.points_px)
+        if inside.all():
+            if _exit_width(skeleton, region, branch.head) is None:
+                continue  # a link between two base points
+            edge = len(inside) - 1
+        else:
+            edge = int(np.argmin(inside))
+        if _returns_early(core, branch, inside):
+            continue
+        frontier, beyond = _look_beyond(skeleton, region, branch, own)
+        arms.append(Arm(branch, edge, frontier, beyond))
+    return Core(core.closest_px, core.base_px, core.base_radius_px, core.at_junction, tuple(arms))
+
+
+def _returns_early(core: Core, branch: Branch, inside: Mask) -> bool:
+    """Tell whether a branch leaves the core only to come back after a small detour."""
+    outside = np.flatnonzero(~inside)
+    if not len(outside) or not inside[-1] or not inside[0]:
+        return False
+    length = branch.steps_px[outside[-1]] - branch.steps_px[outside[0]]
+    sides_open = np.mean((branch.left == OPEN) | (branch.right == OPEN))
+    return bool(length < float(core.base_radius_px.max()) * (1.0 + sides_open))
+
+
+def _exit_width(skeleton: Skeleton, region: Region, node: int) -> float | None:
+    """Return the width of the exit at a node, None if it is none."""
+    if node not in skeleton.nodes:
+        return None
+    number = skeleton.nodes[node].exit
+    return None if number is None else region.exits[number].width_px
+
+
+def _look_beyond(
+    skeleton: Skeleton, region: Region, branch: Branch, own: Branch
+) -> tuple[float, float]:
+    """Return the width of the widest exit along a branch, and the way to the farthest one."""
+    frontier, depth = 0.0, 0.0
+    seen = {branch.tail}
+    open_ = [(branch.head, float(branch.steps_px[-1]), own)]
+    while open_:
+        node, way, by = open_.pop()
+        if node in seen or node not in skeleton.nodes:
+            continue
+        seen.add(node)
+        links = [b for b in skeleton.branches if node in (b.tail, b.head) and b is not by]
+        width = _exit_width(skeleton, region, node)
+        if width is not None and not links:
+            frontier, depth = max(frontier, width), max(depth, way)
+        for link in links:
+            other = link.head if link.tail == node else link.tail
+            open_.append((other, way + float(link.steps_px[-1]), link))
+    return frontier, depth

@@ -1,0 +1,272 @@
+"""The space a robot can pass in a grid, its walls as arcs, and its exits.
+
+The contour of the passable region falls into stretches of wall and stretches of frontier
+(unknown cells or the border of the grid). A frontier wide enough is an *exit*; exits cut the
+contour into *wall arcs*. Everything above works on these arcs: the skeleton that joins the exits
+is where the nearest wall changes from one arc to another.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.errors import InputError
+from perception.grid import Cells, Mask
+
+Index = NDArray[np.int64]
+_FULL = np.ones((3, 3), np.uint8)
+
+
+@dataclass(frozen=True)
+class Exit:
+    """A stretch of frontier through which the region may be left.
+
+    Attributes
+    ----------
+    centre_px : (x, y) of the middle of the stretch.
+    width_px : its width between the walls, the robot's own radius given back on both sides.
+    """
+
+    centre_px: tuple[float, float]
+    width_px: float
+
+
+@dataclass(frozen=True)
+class Region:
+    """The passable cells joined to the robot, and their walls.
+
+    Attributes
+    ----------
+    inside : (H, W) mask of the cells.
+    start : (column, row) of the cell of the region that stands for the robot.
+    walls : (n, 2) columns and rows of the wall cells of the contour, in contour order.
+    arc : (n,) which wall arc each belongs to, from 0; neighbours on an arc are neighbours here.
+    tip_distance : (n,) cells along the contour to the nearest end of the arc.
+    exits : the exits, by index.
+    exit_of_cell : (H, W) int32, index of the exit + 1 on frontier cells of the contour, else 0.
+    radius_px : the robot's radius that was bled into the free space.
+    """
+
+    inside: Mask
+    start: tuple[int, int]
+    walls: Index
+    arc: Index
+    tip_distance: Index
+    exits: tuple[Exit, ...]
+    exit_of_cell: NDArray[np.int32]
+    radius_px: float
+
+
+def find_region(
+    cells: Cells,
+    robot_px: tuple[float, float],
+    *,
+    radius_px: float,
+    min_frontier_px: float,
+    island_px: float,
+) -> Region:
+    """Find the region a robot can pass, from where it stands.
+
+    Parameters
+    ----------
+    cells : the grid; see :func:`perception.grid.classify`.
+    robot_px : (column, row) of the robot.
+    radius_px : obstacles are grown by it.
+    min_frontier_px : frontiers narrower than this are walls; so is unknown space that a square of
+        this side does not fit into, which is filled as free.
+    island_px : groups of cells that are not free, do not touch the border and are smaller than
+        this in both directions become free.
+
+    Raises
+    ------
+    InputError : the robot is outside the grid, or no passable cell is near it.
+
+    Source
+    ------
+    Beeson 2008, 6.1.1: islands, bleeding, exits; the arcs are ours.
+    """
+    occupied, unknown = _clean(cells, min_frontier_px, island_px)
+    blocked = _bleed(occupied, radius_px)
+    inside, start = _reach(blocked, occupied, robot_px)
+    frontier = _touches(unknown & ~blocked, border=True) & ~_touches(blocked, border=False)
+    return _cut_contours(inside, start, frontier, radius_px, min_frontier_px)
+
+
+def _clean(cells: Cells, min_frontier_px: float, island_px: float) -> tuple[Mask, Mask]:
+    """Return the occupied and the unknown cells without slivers and islands."""
+    occupied, unknown = cells.occupied, cells.unknown
+    side = round(min_frontier_px)
+    if side > 1 and unknown.any():
+        padded = cv2.copyMakeBorder(
+            unknown.view(np.uint8), side, side, side, side, cv2.BORDER_CONSTANT, value=1
+        )
+        opened = cv2.morphologyEx(padded, cv2.MORPH_OPEN, np.ones((side, side), np.uint8))
+        unknown = opened[side:-side, side:-side].astype(bool)
+    solid = (occupied | unknown).view(np.uint8)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(solid, connectivity=8)
+    if count > 1:
+        height, width = solid.shape
+        x, y, w, h = stats[:, 0], stats[:, 1], stats[:, 2], stats[:, 3]
+        enclosed = (x > 0) & (y > 0) & (x + w < width) & (y + h < height)
+        removed = enclosed & (np.maximum(w, h) < island_px)
+        removed[0] = False
+        if removed.any():
+            keep = ~removed[labels]
+            occupied, unknown = occupied & keep, unknown & keep
+    return occupied, unknown
+
+
+def _bleed(occupied: Mask, radius_px: float) -> Mask:
+    """Grow the obstacles by the robot's radius."""
+    if radius_px <= 0:
+        return occupied
+    distance = cv2.distanceTransform((~occupied).view(np.uint8), cv2.DIST_L2, 5)
+    return np.asarray(distance <= radius_px)
+
+
+def _reach(
+    blocked: Mask, occupied: Mask, robot_px: tuple[float, float]
+) -> tuple[Mask, tuple[int, int]]:
+    """Return the passable cells joined to the robot by a way of width three, and its cell there."""
+    wide = np.asarray(cv2.erode((~blocked).view(np.uint8), _FULL), np.uint8)
+    start = _stand(wide, occupied, robot_px)
+    flood = cv2.copyMakeBorder(1 - wide, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=1)
+    cv2.floodFill(wide, flood, start, 2, flags=4)
+    return cv2.dilate((wide == 2).view(np.uint8), _FULL).astype(bool), start
+
+
+def _stand(
+    wide: NDArray[np.uint8], occupied: Mask, robot_px: tuple[float, float]
+) -> tuple[int, int]:
+    """Return the passable cell nearest to the robot that no wall hides from it."""
+    height, width = wide.shape
+    x, y = round(float(robot_px[0])), round(float(robot_px[1]))
+    if not (0 <= x < width and 0 <= y < height):
+        raise InputError(
+            f"the robot at column {robot_px[0]:g}, row {robot_px[1]:g} is outside the image of "
+            f"{width} x {height} cells; give a place inside it"
+        )
+    if wide[y, x]:
+        return x, y
+    rows, columns = np.nonzero(wide)
+    order = np.argsort((rows - y) ** 2 + (columns - x) ** 2)[:400]
+    own = int(occupied[y, x])
+    for k in order:
+        target = int(columns[k]), int(rows[k])
+        steps = max(abs(target[0] - x), abs(target[1] - y)) + 1
+        line_x = np.linspace(x, target[0], steps).round().astype(int)
+        line_y = np.linspace(y, target[1], steps).round().astype(int)
+        if np.count_nonzero(np.diff(occupied[line_y, line_x].astype(np.int8)) > 0) == 0 and (
+            not own or not occupied[line_y[-1], line_x[-1]]
+        ):
+            return target
+    raise InputError(
+        f"the robot at column {x}, row {y} stands in no free space wide enough for it; "
+        "give another place, or a smaller robot radius"
+    )
+
+
+def _touches(mask: Mask, *, border: bool) -> Mask:
+    """Return the cells that are in the mask or next to it (or at the border of the grid)."""
+    near = cv2.dilate(mask.view(np.uint8), _FULL).astype(bool)
+    if border:
+        near[0], near[-1], near[:, 0], near[:, -1] = True, True, True, True
+    return near
+
+
+def _cut_contours(
+    inside: Mask,
+    start: tuple[int, int],
+    frontier: Mask,
+    radius_px: float,
+    min_frontier_px: float,
+) -> Region:
+    """Cut the contours of the region at its frontiers into wall arcs and exits."""
+    contours, _ = cv2.findContours(inside.view(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    exit_of_cell = np.zeros(inside.shape, np.int32)
+    walls: list[Index] = []
+    arcs: list[Index] = []
+    tips: list[Index] = []
+    exits: list[Exit] = []
+    arc_count = 0
+    for contour in contours:
+        points = contour.reshape(-1, 2).astype(np.int64)
+        open_ = frontier[points[:, 1], points[:, 0]]
+        points, open_ = _settle_runs(points, open_, radius_px, min_frontier_px)
+        for first, last in _runs(open_):
+            run = points[first:last]
+            if open_[first]:
+                exits.append(_as_exit(run, radius_px))
+                exit_of_cell[run[:, 1], run[:, 0]] = len(exits)
+                continue
+            lone = open_.any() and len(_runs(open_)) == 2
+            for part in np.array_split(run, 2) if lone and len(run) > 1 else [run]:
+                walls.append(part)
+                arcs.append(np.full(len(part), arc_count))
+                position = np.arange(len(part))
+                end = np.minimum(position, position[::-1])
+                tips.append(end if open_.any() else np.full(len(part), len(part)))
+                arc_count += 1
+    empty: list[Index] = [np.zeros(0, np.int64)]
+    return Region(
+        inside,
+        start,
+        np.concatenate(walls or [np.zeros((0, 2), np.int64)]),
+        np.concatenate(arcs or empty),
+        np.concatenate(tips or empty),
+        tuple(exits),
+        exit_of_cell,
+        radius_px,
+    )
+
+
+def _runs(flags: Mask) -> list[tuple[int, int]]:
+    """Return [first, last) of each stretch of equal flags."""
+    if not len(flags):
+        return []
+    cuts = np.flatnonzero(flags[1:] != flags[:-1]) + 1
+    bounds = [0, *cuts.tolist(), len(flags)]
+    return list(itertools.pairwise(bounds))
+
+
+def _settle_runs(
+    points: Index, open_: Mask, radius_px: float, min_frontier_px: float
+) -> tuple[Index, Mask]:
+    """Turn specks of wall in a frontier into frontier, and narrow frontiers into wall.
+
+    The points are rotated so that no stretch runs over the end of the list.
+    """
+    open_ = open_.copy()
+    speck = 2 * radius_px + max(2.0, 0.3 * min_frontier_px)
+    for wall_first in (True, False):
+        if open_.all() or not open_.any():
+            break
+        turn = int(np.flatnonzero(open_ != np.roll(open_, 1))[0])
+        points, open_ = np.roll(points, -turn, axis=0), np.roll(open_, -turn)
+        for first, last in _runs(open_):
+            extent = _extent(points[first:last])
+            if wall_first and not open_[first] and extent < speck and last - first < 2 * speck + 4:
+                open_[first:last] = True
+            elif not wall_first and open_[first]:
+                width = max(extent, 0.5 * (last - first)) + 2 * radius_px
+                if width < max(min_frontier_px, 2.0):
+                    open_[first:last] = False
+    if not open_.all() and open_.any():
+        turn = int(np.flatnonzero(open_ != np.roll(open_, 1))[0])
+        points, open_ = np.roll(points, -turn, axis=0), np.roll(open_, -turn)
+    return points, open_
+
+
+def _extent(points: Index) -> float:
+    """Return the distance between the ends of a stretch, ends included."""
+    return float(np.hypot(*(points[-1] - points[0]))) + 1.0
+
+
+def _as_exit(run: Index, radius_px: float) -> Exit:
+    middle = run[len(run) // 2].astype(float)
+    return Exit((float(middle[0]), float(middle[1])), _extent(run) + 2 * radius_px)
