@@ -1,0 +1,148 @@
+"""``hssh build``: a log or a trace becomes a knowledge base."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hssh_kb.cli.options import add_budget, parse_count, parse_metres
+from hssh_kb.cli.output import count_noun, print_json, show_progress, tell_notices
+from hssh_kb.errors import InputError, UsageError
+
+if TYPE_CHECKING:
+    from hssh_kb.kb import KnowledgeBase
+
+NAME = "build"
+HELP = "a lidar log or a trace becomes a knowledge base"
+DESCRIPTION = """\
+Read a CARMEN log (plain, gz, xz or bz2) or a trace (JSON), find places and paths, rank the maps,
+lay them out, and write one knowledge base file."""
+EXAMPLES = """\
+  hssh build drive.log.xz                            writes drive.hssh
+  hssh build drive.log.gz -o office.hssh --poses odometry
+  hssh build drive.log --level door                  narrow openings count as ways too
+  hssh build walk.json -o walk.hssh --json
+"""
+DEFAULT_BUDGET_S = 60.0
+_ENDINGS = {".log", ".clf", ".carmen", ".txt", ".json", ".gz", ".xz", ".bz2"}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.add_argument("input", metavar="INPUT", help="a CARMEN log or a trace")
+    parser.add_argument(
+        "-o", "--output", metavar="KB", help="the file to write (default: INPUT's name with .hssh)"
+    )
+    parser.add_argument(
+        "--poses",
+        choices=("auto", "corrected", "odometry"),
+        help="take the corrected poses some logs carry, or raw odometry and scan matching "
+        "(default: auto, the corrected ones where there are any)",
+    )
+    parser.add_argument(
+        "--level",
+        choices=("corridor", "door"),
+        help="what counts as a way: corridors (default), or doors and narrow openings too",
+    )
+    parser.add_argument(
+        "--best",
+        metavar="K",
+        type=parse_count,
+        default=5,
+        help="how many maps to keep (default: 5)",
+    )
+    parser.add_argument(
+        "--resolution", metavar="M", type=parse_metres, help="cell of the global map (default: 0.1)"
+    )
+    add_budget(parser, DEFAULT_BUDGET_S)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Build and save."""
+    from hssh_kb.answers import document_build
+    from hssh_kb.kb import KnowledgeBase
+
+    source = Path(args.input)
+    target = Path(args.output) if args.output else Path(name_output(source))
+    _check_target(source, target)
+    options = _gather_options(args, source)
+    with show_progress(f"building {target}") as report:
+        kb = KnowledgeBase.build(source, progress=report, **options)
+    tell_notices(kb.record.notices)
+    kb.save(target)
+    if args.json:
+        print_json(document_build(kb, str(target)))
+    else:
+        print(_format_build(kb, target))
+    if kb.ranked.inconsistent_from is not None:
+        return 1
+    return 0 if kb.ranked.proven else 4
+
+
+def name_output(source: Path) -> str:
+    """Return the default name of the knowledge base of an input.
+
+    Examples
+    --------
+    >>> name_output(Path("logs/aces-corrected.log.xz")), name_output(Path("v1.2.json"))
+    ('aces-corrected.hssh', 'v1.2.hssh')
+    """
+    name = Path(source.name)
+    while name.suffix.lower() in _ENDINGS:
+        name = name.with_suffix("")
+    return f"{name}.hssh"
+
+
+def _gather_options(args: argparse.Namespace, source: Path) -> dict[str, Any]:
+    options: dict[str, Any] = {"best": args.best, "budget_s": args.budget}
+    log_only = {
+        "poses": args.poses,
+        "level": args.level,
+        "resolution_m": args.resolution,
+    }
+    given = {key: value for key, value in log_only.items() if value is not None}
+    if given:
+        from hssh_kb.build import is_trace
+
+        if is_trace(source):
+            told = " and ".join(f"--{key.removesuffix('_m')}" for key in given)
+            raise UsageError(f"{source} is a trace: {told} would have no effect, they are for logs")
+    return options | given
+
+
+def _check_target(source: Path, target: Path) -> None:
+    """Refuse now what would fail only after minutes of work."""
+    if target.is_dir():
+        raise InputError(f"{target}: is a directory; give the name of a file to write")
+    if not target.parent.is_dir():
+        raise InputError(f"{target.parent}: no such folder; make it first, or write elsewhere")
+    if not os.access(target.parent, os.W_OK):
+        raise InputError(f"{target.parent}: cannot be written to; write elsewhere with -o")
+    if target.exists() and source.exists() and target.samefile(source):
+        raise UsageError(f"{target}: is the input itself; choose another name with -o")
+
+
+def _format_build(kb: KnowledgeBase, target: Path) -> str:
+    lines = list[str]()
+    record = kb.record
+    if record.scans and kb.trajectory is not None:
+        lines.append(f"{count_noun(record.scans, 'scan')} over {kb.trajectory.length_m:.0f} m")
+    lines.append(f"{count_noun(len(kb.experience), 'visit')} to places")
+    if kb.rows:
+        best = kb.rows[0]
+        told = f"{count_noun(best.places, 'place')} on {count_noun(best.paths, 'path')}"
+        tie = f", tied with {best.tie - 1} more" if best.tie > 1 else ""
+        lines.append(f"best of {count_noun(len(kb.rows), 'map')} kept: {told}{tie}")
+    if kb.ranked.inconsistent_from is not None:
+        at = kb.experience.visit_label(kb.ranked.inconsistent_from)
+        lines.append(f"no map holds from {at} on; the maps are those of the visits before it")
+    if not kb.ranked.proven:
+        lines.append("the budget was spent before the best map was proven best (--budget)")
+    seconds = record.seconds
+    if seconds:
+        spent = ", ".join(f"{stage} {value:.1f}" for stage, value in seconds.items())
+        lines.append(f"{sum(seconds.values()):.1f} s ({spent})")
+    lines.append(f"written to {target}")
+    return "\n".join(lines)

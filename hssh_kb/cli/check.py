@@ -1,0 +1,73 @@
+"""``hssh check``: axiom violations, and why not."""
+
+from __future__ import annotations
+
+import argparse
+
+from hssh_kb.cli.options import add_budget, add_input
+from hssh_kb.cli.output import count_noun, print_json, show_progress, tell_notices, wrap_words
+
+NAME = "check"
+HELP = 'axiom violations, and "why not?"'
+DESCRIPTION = """\
+Say whether a map exists for an experience, with assumptions if given: if not, which axioms are
+violated, by which observations, and what could be dropped to mend it. Exit code 1 means no."""
+EXAMPLES = """\
+  hssh check office.hssh                       is the experience consistent at all?
+  hssh check office.hssh --assume v7=v2        why are visits 7 and 2 not the same place?
+  hssh check walk.json --assume v7!=v2         why are they?
+  hssh check walk.json --assume v4=v0 --assume v5=v1 --json
+"""
+DEFAULT_BUDGET_S = 60.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    add_input(parser)
+    parser.add_argument(
+        "--assume",
+        metavar="vI=vJ",
+        action="append",
+        default=[],
+        help="assume that two visits were at one place (vI=vJ) or were not (vI!=vJ); repeatable",
+    )
+    add_budget(parser, DEFAULT_BUDGET_S)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Check and print the violations."""
+    from hssh_kb.answers import document_check
+    from hssh_kb.check import check
+    from hssh_kb.experience import load_trace
+    from hssh_kb.store import is_knowledge_base, load_kb
+
+    if is_knowledge_base(args.input):
+        experience = load_kb(args.input).experience
+    else:
+        experience = load_trace(args.input)
+        tell_notices(experience.notices)
+    with show_progress("checking"):
+        answer = check(experience, assumptions=args.assume, budget_s=args.budget)
+    if args.json:
+        print_json(document_check(answer))
+    else:
+        print("\n".join(_format_check(answer, args.assume, len(experience))))
+    return 0 if answer.consistent else 1
+
+
+def _format_check(answer, assumed: list[str], visits: int) -> list[str]:  # type: ignore[no-untyped-def]  # noqa: ANN001
+    given = f" with {' and '.join(assumed)}" if assumed else ""
+    if answer.consistent:
+        told = count_noun(visits, "visit")
+        return [f"Consistent: at least one map holds for the {told}{given}, no axiom is violated."]
+    lines = [f"Inconsistent{given}: no map satisfies the axioms."]
+    for n, violation in enumerate(answer.violations, 1):
+        lines.append("")
+        lines += wrap_words(f"{n}. {violation.text}", 92)
+        lines += [f"   axiom: {violation.axiom} ({violation.source})"]
+        if violation.observations:
+            lines.append(f"   observations that clash: {', '.join(violation.observations)}")
+    if answer.repairs:
+        lines += ["", "Any one of these would mend it, drop:"]
+        lines += [f"  - {' and '.join(map(str, repair))}" for repair in answer.repairs]
+    return lines

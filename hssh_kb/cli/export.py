@@ -1,0 +1,41 @@
+"""``hssh export``: the knowledge base in plain formats."""
+
+from __future__ import annotations
+
+import argparse
+
+from hssh_kb.cli.options import add_input
+from hssh_kb.cli.output import print_json
+
+NAME = "export"
+HELP = "write plain files: JSON, logic program, ROS map"
+DESCRIPTION = """\
+Write the whole knowledge base (.json), its experience as facts for clingo (.lp), or the global
+occupancy map with its ROS description (.pgm and .yaml). The ending of the name decides."""
+EXAMPLES = """\
+  hssh export office.hssh -o office.json
+  hssh export office.hssh -o office.lp
+  hssh export office.hssh -o office.pgm            writes office.yaml too
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    add_input(parser)
+    parser.add_argument(
+        "-o", "--output", metavar="F.{json,lp,pgm}", required=True, help="the file to write"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the files and print their names."""
+    from hssh_kb.export import check_ending
+    from hssh_kb.kb import KnowledgeBase
+
+    check_ending(args.output)
+    files = [str(file) for file in KnowledgeBase.open(args.input).export(args.output)]
+    if args.json:
+        print_json({"schema": "hssh.export/1", "files": files})
+    else:
+        print("\n".join(files))
+    return 0

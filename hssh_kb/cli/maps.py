@@ -1,0 +1,170 @@
+"""``hssh maps``: ranked map hypotheses."""
+
+from __future__ import annotations
+
+import argparse
+
+from hssh_kb.cli.options import add_budget, add_input, parse_count
+from hssh_kb.cli.output import (
+    count_noun,
+    format_table,
+    print_json,
+    show_progress,
+    tell_notices,
+    wrap_words,
+)
+from hssh_kb.errors import UsageError
+
+NAME = "maps"
+HELP = "ranked map hypotheses of a knowledge base or a trace"
+DESCRIPTION = """\
+Rank the maps that are consistent with an experience. With displacements the posterior decides,
+without them the fewest paths, then the fewest places. Ties are shown as ties."""
+EXAMPLES = """\
+  hssh maps office.hssh                        the ranked maps stored in a knowledge base
+  hssh maps walk.json                          rank the maps of a trace
+  hssh maps walk.json --all --json             every consistent map, as one document
+  hssh maps walk.json --minimal subset         subset-minimal maps
+  hssh maps office.hssh --best 3 -v            three maps, with the terms of their scores
+"""
+DEFAULT_BUDGET_S = 60.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    add_input(parser)
+    amount = parser.add_mutually_exclusive_group()
+    amount.add_argument("--all", action="store_true", help="every consistent map")
+    amount.add_argument("--best", metavar="K", type=parse_count, help="the K best maps")
+    parser.add_argument(
+        "--minimal",
+        choices=("cardinality", "subset"),
+        help="let minimality decide, in this sense, even where there is metrical evidence",
+    )
+    parser.add_argument("--no-planarity", action="store_true", help="allow paths to cross anywhere")
+    parser.add_argument("--no-order", action="store_true", help="allow circular paths")
+    add_budget(parser, DEFAULT_BUDGET_S)
+    parser.add_argument(
+        "-v", "--verbose", action="store_true", help="also the terms of each score, and doubts"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Rank the maps and print them."""
+    from hssh_kb.answers import document_maps
+    from hssh_kb.experience import load_trace
+    from hssh_kb.ranking import rank_maps
+    from hssh_kb.store import is_knowledge_base, load_kb
+
+    if args.verbose and args.json:
+        raise UsageError("-v has no effect with --json, which always holds the terms")
+    asked = args.all or args.minimal or args.no_planarity or args.no_order
+    stored = load_kb(args.input) if is_knowledge_base(args.input) else None
+    experience = stored.experience if stored else load_trace(args.input)
+    tell_notices(() if stored else experience.notices)
+    if stored and not asked and (not args.best or args.best <= len(stored.hypotheses)):
+        from dataclasses import replace
+
+        ranked = replace(stored.ranked, maps=stored.hypotheses[: args.best])
+    else:
+        with show_progress("ranking maps"):
+            ranked = rank_maps(
+                experience,
+                every=args.all,
+                best=args.best,
+                minimal=args.minimal,
+                planarity=not args.no_planarity,
+                order=not args.no_order,
+                budget_s=args.budget,
+            )
+    if args.json:
+        print_json(document_maps(experience, ranked))
+    else:
+        print(_format_maps(experience, ranked, verbose=args.verbose))
+    if ranked.inconsistent_from is not None:
+        return 1
+    return 0 if ranked.proven else 4
+
+
+def _format_maps(experience, ranked, *, verbose: bool) -> str:  # type: ignore[no-untyped-def]  # noqa: ANN001
+    from hssh_kb.ranking import tabulate_maps
+
+    rows = tabulate_maps(experience, ranked)
+    lines = [*wrap_words(_summarise(experience, ranked, rows), 92), ""]
+    lines.append(
+        format_table(
+            ["map", "rank", "places", "paths", "log posterior", "place of each visit"],
+            [
+                [
+                    str(row.number),
+                    f"{row.rank}{'=' if row.tie > 1 else ' '}",
+                    str(row.places),
+                    str(row.paths),
+                    _format_number(row.hypothesis.log_posterior),
+                    " ".join(f"P{place}" for place in row.hypothesis.visits),
+                ]
+                for row in rows
+            ],
+            left=frozenset({5}),
+        )
+    )
+    if verbose:
+        lines += ["", *_format_terms(experience, rows)]
+    return "\n".join(lines)
+
+
+def _summarise(experience, ranked, rows) -> str:  # type: ignore[no-untyped-def]  # noqa: ANN001
+    if ranked.inconsistent_from is not None:
+        at = experience.visit_label(ranked.inconsistent_from)
+        text = (
+            f"No map is consistent with the whole experience: it contradicts itself from {at} on "
+            f"('hssh check' says why). These are maps of the visits before it."
+        )
+    else:
+        if ranked.consistent is not None:
+            text = f"{count_noun(ranked.consistent, 'consistent map')}; "
+        else:
+            text = "The consistent maps were not all counted; "
+        text += f"{count_noun(len(rows), 'map')} shown. "
+        text += _say_what_decided(ranked)
+    if rows and rows[0].tie > 1:
+        text += f" The first {rows[0].tie} tie: nothing that was observed tells them apart."
+    if not ranked.proven:
+        text += " The budget was spent before this was settled: a partial answer (--budget)."
+    return text
+
+
+def _say_what_decided(ranked) -> str:  # type: ignore[no-untyped-def]  # noqa: ANN001
+    if ranked.ranked_by == "posterior":
+        return "Metrical evidence decided: the map with the highest posterior comes first."
+    if ranked.minimality == "subset":
+        return "Minimality decided: no map makes do with a part of the paths and places of these."
+    return "Minimality decided: the fewest paths, then the fewest places, come first."
+
+
+def _format_number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"
+
+
+def _format_terms(experience, rows) -> list[str]:  # type: ignore[no-untyped-def]  # noqa: ANN001
+    lines = list[str]()
+    names = sorted({name for row in rows for name in row.hypothesis.terms})
+    if names:
+        cells = [
+            [str(row.number), *(_format_number(row.hypothesis.terms.get(name)) for name in names)]
+            for row in rows
+        ]
+        lines += ["terms of the log posterior", format_table(["map", *names], cells)]
+    else:
+        lines.append("These maps have no metrical score, so there are no terms.")
+    for row in rows:
+        h = row.hypothesis
+        other = [experience.visit_label(v) for v, reading in enumerate(h.readings) if reading]
+        if other:
+            lines.append(
+                f"map {row.number} takes another reading of the star at {', '.join(other)}"
+            )
+        if h.doubted:
+            told = ", ".join(f"v{v - 1}-v{v}" for v in h.doubted)
+            lines.append(f"map {row.number} doubts that nothing was passed on the travel {told}")
+    return lines

@@ -1,0 +1,208 @@
+"""Ranked maps: minimal ones where there is no metrical evidence, probable ones where there is.
+
+Source: the prioritised circumscription of the SSH (fewest paths, then fewest places) and the
+posterior of Beeson 2008, chapter 9; which of the two decides is said with the answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from hssh_kb.errors import UsageError
+from hssh_kb.experience import Experience
+from hssh_kb.facts import price_of_reading
+from hssh_kb.hypothesis import Hypothesis
+from hssh_kb.place_graph import build_place_graph
+
+COUNT_LIMIT = 2000
+"""Maps are counted by default only if there are at most so many."""
+
+RankedBy = Literal["minimal", "posterior"]
+_EQUAL = 1e-9
+
+
+@dataclass(frozen=True)
+class RankedMaps:
+    """Hypotheses, best first, and what is known about the others.
+
+    Attributes
+    ----------
+    maps : best first.
+    ranked_by : "minimal" (fewest paths, then fewest places) or "posterior" (metrical evidence).
+    minimality : "cardinality" or "subset", where minimality decided.
+    consistent : how many maps are consistent; None if they were not all counted.
+    proven : False if a budget ran out before the best map was proven best.
+    inconsistent_from : the first visit with which no consistent map is left; None if there is
+        one. The maps are then those of the visits before it.
+    """
+
+    maps: tuple[Hypothesis, ...]
+    ranked_by: RankedBy
+    minimality: str = "cardinality"
+    consistent: int | None = None
+    proven: bool = True
+    inconsistent_from: int | None = None
+
+    @property
+    def complete(self) -> bool:
+        """True if all consistent maps were counted."""
+        return self.consistent is not None
+
+
+@dataclass(frozen=True)
+class MapRow:
+    """One line of a ranking.
+
+    Attributes
+    ----------
+    number : position in the list, from 1; what ``--map`` takes.
+    rank : one more than the number of better maps; tied maps share it.
+    tie : how many maps share the rank.
+    places, paths : how many the map has, untravelled paths included.
+    """
+
+    number: int
+    rank: int
+    tie: int
+    places: int
+    paths: int
+    hypothesis: Hypothesis
+
+
+def rank_maps(
+    experience: Experience,
+    *,
+    every: bool = False,
+    best: int | None = None,
+    minimal: str | None = None,
+    planarity: bool = True,
+    order: bool = True,
+    budget_s: float | None = None,
+) -> RankedMaps:
+    """Find the maps of an experience and rank them.
+
+    Parameters
+    ----------
+    experience : what was lived through.
+    every : all consistent maps, not only the best ones.
+    best : how many maps; by default all that tie for the best if minimality decides, else 5.
+    minimal : "cardinality" or "subset": minimality decides, even where there is metrical evidence.
+    planarity, order : whether these axioms hold.
+    budget_s : seconds after which a partial answer is given (``proven`` False).
+
+    Examples
+    --------
+    >>> from hssh_kb.experience import make_experience
+    >>> rank_maps(make_experience([(["a+1", "a-0"], None, 0), (["b-1", "b+0"], 1, None)])).maps
+    (Hypothesis(visits=(0, 1), offsets=(0, 0), readings=(), log_posterior=None, doubted=()),)
+    """
+    weaker = not (planarity and order)
+    if experience.has_displacements and minimal is None and not every and not weaker:
+        return _rank_by_posterior(experience, best or 5, budget_s)
+    if minimal == "subset" and every:
+        raise UsageError("subset minimality leaves maps out, so it cannot be asked for all maps")
+    if not order or every or minimal != "subset":
+        ranked = _rank_all(experience, every, best, planarity, order, budget_s)
+        if ranked is not None:
+            return ranked
+    return _rank_by_minimality(experience, best, minimal or "cardinality", planarity, budget_s)
+
+
+def _rank_by_posterior(experience: Experience, best: int, budget_s: float | None) -> RankedMaps:
+    from hssh_kb.search import search_maps
+
+    found = search_maps(experience, best=best, budget_s=budget_s)
+    return RankedMaps(
+        found.maps,
+        "posterior",
+        proven=found.proven,
+        inconsistent_from=getattr(found, "inconsistent_from", None),
+    )
+
+
+def _rank_all(
+    experience: Experience,
+    every: bool,
+    best: int | None,
+    planarity: bool,
+    order: bool,
+    budget_s: float | None,
+) -> RankedMaps | None:
+    """Enumerate; None if there are too many to do so without having been asked."""
+    from hssh_kb.maps import enumerate_maps
+
+    limit = None if every or not order else COUNT_LIMIT
+    found = enumerate_maps(
+        experience, order=order, planarity=planarity, limit=limit, budget_s=budget_s
+    )
+    if not found.complete and limit is not None:
+        return None
+    sized = sorted((_measure_map(experience, h), i) for i, h in enumerate(found.maps))
+    kept = sized[:best] if best else [one for one in sized if every or one[0] == sized[0][0]]
+    return RankedMaps(
+        tuple(found.maps[i] for _, i in kept),
+        "minimal",
+        consistent=len(found.maps) if found.complete else None,
+        proven=found.complete,
+        inconsistent_from=found.inconsistent_from,
+    )
+
+
+def _rank_by_minimality(
+    experience: Experience,
+    best: int | None,
+    minimal: str,
+    planarity: bool,
+    budget_s: float | None,
+) -> RankedMaps:
+    from hssh_kb.maps import minimal_maps
+
+    found = minimal_maps(experience, minimal=minimal, planarity=planarity, budget_s=budget_s)
+    return RankedMaps(
+        tuple(found.maps[:best] if best else found.maps),
+        "minimal",
+        minimality=minimal,
+        proven=found.complete,
+        inconsistent_from=found.inconsistent_from,
+    )
+
+
+def _measure_map(experience: Experience, hypothesis: Hypothesis) -> tuple[int, int, int]:
+    """Return what minimality makes few: paths, places, then the price of the readings."""
+    prices = (
+        price_of_reading(hypothesis.reading(experience, v).weight)
+        for v in range(len(hypothesis.visits))
+        if len(experience.visits[v].readings) > 1
+    )
+    return (*count_map(experience, hypothesis), sum(prices))
+
+
+def count_map(experience: Experience, hypothesis: Hypothesis) -> tuple[int, int]:
+    """Return (paths, places) of a map, the order in which minimality counts them."""
+    lived = Experience(experience.visits[: len(hypothesis.visits)], experience.source)
+    graph = build_place_graph(lived, hypothesis)
+    return len(graph.paths), len(graph.places)
+
+
+def tabulate_maps(experience: Experience, ranked: RankedMaps) -> tuple[MapRow, ...]:
+    """Return the maps of a ranking as numbered rows that say which of them tie."""
+    keys = list[tuple[float, ...]]()
+    sizes = list[tuple[int, int, int]]()
+    for hypothesis in ranked.maps:
+        sizes.append(_measure_map(experience, hypothesis))
+        posterior = hypothesis.log_posterior
+        if ranked.ranked_by == "posterior" and posterior is not None:
+            keys.append((posterior,))
+        else:  # every subset-minimal map is as good as any other
+            keys.append(() if ranked.minimality == "subset" else sizes[-1])
+    table = list[MapRow]()
+    for number, (key, size, hypothesis) in enumerate(zip(keys, sizes, ranked.maps, strict=True), 1):
+        tied = [n for n, other in enumerate(keys, 1) if _same(other, key)]
+        table.append(MapRow(number, tied[0], len(tied), size[1], size[0], hypothesis))
+    return tuple(table)
+
+
+def _same(a: Sequence[float], b: Sequence[float]) -> bool:
+    return all(abs(x - y) <= _EQUAL * max(1.0, abs(x)) for x, y in zip(a, b, strict=True))
