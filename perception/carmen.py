@@ -16,7 +16,7 @@ from perception.carmen_lines import Lines, Odometry, Scan, parse_lines
 from perception.carmen_write import write_carmen
 from perception.errors import InputError
 from perception.files import read_bytes
-from perception.geometry import Array, between, compose, wrap_angle
+from perception.geometry import Array, between, chain_motions, compose, wrap_angle
 from perception.returns import mask_no_returns
 from perception.scanlog import ScanLog
 
@@ -262,15 +262,4 @@ def _chain_odometry(lines: Lines) -> Array:
     track = _wrap(np.array(poses))
     motion = between(track[:-1], track[1:])
     motion[np.array(is_jump[1:], bool)] = 0.0
-    return np.asarray(_accumulate(motion)[np.array(at_scan)])
-
-
-def _accumulate(motion: Array) -> Array:
-    """Compose motions (n, 3) one after the other, from the origin: (n + 1, 3) poses."""
-    heading = np.concatenate([[0.0], np.cumsum(motion[:, 2])])
-    c, s = np.cos(heading[:-1]), np.sin(heading[:-1])
-    steps = np.column_stack(
-        [c * motion[:, 0] - s * motion[:, 1], s * motion[:, 0] + c * motion[:, 1]]
-    )
-    positions = np.vstack([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
-    return np.column_stack([positions, wrap_angle(heading)])
+    return np.asarray(chain_motions(motion)[np.array(at_scan)])

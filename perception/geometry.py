@@ -89,3 +89,24 @@ def compose_covariance(a: Any, cov_a: Any, b_in_a: Any, cov_b: Any) -> Array:  #
     to_a = np.array([[1, 0, -s * b[0] - c * b[1]], [0, 1, c * b[0] - s * b[1]], [0, 0, 1.0]])
     to_b = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
     return np.asarray(to_a @ np.asarray(cov_a) @ to_a.T + to_b @ np.asarray(cov_b) @ to_b.T)
+
+
+def chain_motions(motions: Any) -> Array:  # noqa: ANN401
+    """Compose motions (n, 3), each in the frame the one before leads to: (n + 1, 3) poses.
+
+    The first pose is the origin.
+
+    Examples
+    --------
+    >>> chain_motions([[1.0, 0.0, np.pi / 2], [1.0, 0.0, 0.0]]).round(3)[-1].tolist()
+    [1.0, 1.0, 1.571]
+    """
+    motions = np.asarray(motions, float).reshape(-1, 3)
+    heading = np.concatenate([[0.0], np.cumsum(motions[:, 2])])
+    c, s = np.cos(heading[:-1]), np.sin(heading[:-1])
+    x = np.cumsum(c * motions[:, 0] - s * motions[:, 1])
+    y = np.cumsum(s * motions[:, 0] + c * motions[:, 1])
+    start = np.zeros(1)
+    return np.column_stack(
+        [np.concatenate([start, x]), np.concatenate([start, y]), wrap_angle(heading)]
+    )
