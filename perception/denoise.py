@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from perception.grid import Cells
+from perception.grid import Cells, Mask
 
 
 def estimate_noise(cells: Cells) -> tuple[float, float]:
@@ -74,6 +74,15 @@ def remove_noise(cells: Cells) -> Cells:
         return cells
     solid = (~cells.free).astype(np.float32)
     sigma = (0.8 + 4.0 * worst**2) * (1.0 if min(solid.shape) >= 120 else 0.8)
-    smooth = cv2.GaussianBlur(solid, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE)
+    smooth = cv2.GaussianBlur(solid, (0, 0), sigma, borderType=cv2.BORDER_REFLECT)
     occupied = (smooth > (flipped + 1.0 - holed) / 2) & ~cells.unknown
+    occupied &= ~_find_specks(occupied, 10.0 * sigma**2)
     return Cells(occupied, ~(occupied | cells.unknown), cells.unknown)
+
+
+def _find_specks(mask: Mask, most_cells: float) -> Mask:
+    """Return the groups of set cells that are not larger than a number of cells."""
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=8)
+    small = stats[:, cv2.CC_STAT_AREA] <= most_cells
+    small[0] = False
+    return np.asarray(small[labels])

@@ -141,7 +141,6 @@ def _place_by_anchor(
 
 def _held_by(branch: Branch, region: Region, anchor: int) -> Mask:
     """Tell for each point whether the anchor is its nearest wall on the left or on the right."""
-
     sides = np.stack([branch.left, branch.right])
     held = (np.abs(sides - anchor) <= 1) & (sides != OPEN)
     held &= region.arc[sides] == region.arc[anchor]
