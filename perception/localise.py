@@ -7,62 +7,27 @@ topological map. The covariances say how much it drifts.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.errors import InputError
-from perception.geometry import Array, between, compose
+from perception.geometry import Array, between, compose, compose_covariance
 from perception.matching import Match, match_scan
+from perception.motion import MotionModel, OdometryFit
 from perception.scanlog import ScanLog
-from perception.surfaces import Reference, Surface, fit_normals
+from perception.submap import Submap
+from perception.surfaces import Surface, fit_normals
+from perception.trajectory import Trajectory, covariance_between, relative_pose
 
+__all__ = ["Trajectory", "covariance_between", "localise", "relative_pose"]
 
-@dataclass(frozen=True)
-class MotionModel:
-    """How far odometry is to be trusted, as standard deviations that grow with the motion.
-
-    Attributes
-    ----------
-    along, across : (constant [m], per metre travelled, per radian turned [m]).
-    turn : (constant [rad], per metre travelled [rad], per radian turned).
-    blind : (3,) standard deviations of a step where there is no odometry at all; m, m, rad.
-    """
-
-    along: tuple[float, float, float] = (0.01, 0.06, 0.03)
-    across: tuple[float, float, float] = (0.01, 0.04, 0.05)
-    turn: tuple[float, float, float] = (0.007, 0.025, 0.08)
-    blind: tuple[float, float, float] = (0.6, 0.3, 0.4)
-
-    def predict(self, step: Array) -> Array:
-        """Return the covariance (3, 3) of an odometry step (3,), in the frame it starts from."""
-        terms = np.array([1.0, float(np.hypot(step[0], step[1])), abs(float(step[2]))])
-        deviations = np.array([terms @ self.along, terms @ self.across, terms @ self.turn])
-        return np.diag(deviations**2)
-
-
-@dataclass(frozen=True)
-class Trajectory:
-    """Poses along a drive, each known relative to the one before.
-
-    Attributes
-    ----------
-    poses : (n, 3) of the laser, in the frame of the first scan; m, m, rad.
-    step_covariances : (n, 3, 3) of the pose of scan k in the frame of scan k - 1; 0 for k = 0.
-    matched : (n,) whether the scan could be matched; if not, the step is odometry alone.
-    scores : (n,) share of the scan that lies on the submap, 0 to 1.
-    """
-
-    poses: Array
-    step_covariances: Array
-    matched: NDArray[np.bool_]
-    scores: Array
-
-    def __len__(self) -> int:
-        return len(self.poses)
+WEAK_SCORE = 0.6
+"""Where a smaller share of the scan than this lies on the submap, the search goes further."""
+WIDE_WINDOWS = ((0.8, 0.6), (0.8, 2.0))
+"""Half widths of those searches, metres and radians: slipping wheels, lost odometry."""
+BLIND_WINDOW = (1.4, 0.8)
+"""Half widths of the search where there is no odometry."""
 
 
 def localise(
@@ -79,7 +44,7 @@ def localise(
     ----------
     log : scans in order; without odometry each scan is searched for around the one before.
     progress : called with (scans done, scans in all) after each scan.
-    motion : trust in the odometry.
+    motion : trust in the odometry before the drive has shown how good it is.
     travel_m : how much of the drive just past the submap holds, metres.
     cap_m : returns further away than this are left out, metres.
 
@@ -94,154 +59,102 @@ def localise(
 
     Source
     ------
-    Takes the place of the particle filter of Beeson 2008, 4.3, in the local perceptual map; ours.
+    Takes the place of the particle filter of Beeson 2008, 4.3, in the local perceptual map; the
+    narrow search that grows where it finds nothing plays the part of his shrink-and-grow. Ours.
     """
     odometry = _check_odometry(log)
-    model = motion or MotionModel()
     n = len(log)
-    poses, covariances = np.zeros((n, 3)), np.zeros((n, 3, 3))
-    matched, scores = np.zeros(n, bool), np.zeros(n)
-    submap = _Submap(travel_m)
+    tracker = _Tracker(n, motion or MotionModel(), travel_m, odometry)
     for k in range(n):
-        scan = fit_normals(log.beam_points(k, cap_m))
-        if k == 0:
-            matched[0], scores[0] = True, 1.0
-        else:
-            step = np.zeros(3) if odometry is None else between(odometry[k - 1], odometry[k])
-            found = _match_step(scan, submap, poses[k - 1], step, model, blind=odometry is None)
-            poses[k], matched[k], scores[k] = found.pose, found.ok, found.score
-            covariances[k] = _turn_covariance(found.covariance, -poses[k - 1, 2])
-        submap.add(scan, poses[k])
+        tracker.advance(k, fit_normals(log.beam_points(k, cap_m)))
         if progress is not None:
             progress(k + 1, n)
-    return Trajectory(poses, covariances, matched, scores)
+    return tracker.drive
 
 
-def relative_pose(trajectory: Trajectory, i: int, j: int) -> Array:
-    """Return the pose (3,) of scan j in the frame of scan i; m, m, rad."""
-    return between(trajectory.poses[i], trajectory.poses[j])
+class _Tracker:
+    """The state of the localisation: the submap, the last key scan, what odometry is worth."""
 
+    def __init__(self, n: int, model: MotionModel, travel_m: float, odometry: Array | None) -> None:
+        self._keys = np.zeros(n, np.intp)
+        self._spreads = np.zeros((n, 3, 3))
+        self.drive = Trajectory(
+            np.zeros((n, 3)),
+            np.zeros((n, 3, 3)),
+            np.zeros(n, bool),
+            np.zeros(n),
+            self._keys,
+            self._spreads,
+        )
+        self._model, self._odometry = model, odometry
+        self._fit = OdometryFit(model)
+        self._submap = Submap(travel_m)
+        self._key = 0
 
-def covariance_between(trajectory: Trajectory, i: int, j: int) -> Array:
-    """Return the covariance (3, 3) of the pose of scan j in the frame of scan i, to first order.
-
-    Parameters
-    ----------
-    trajectory : n scans.
-    i, j : scans, ``0 <= i, j < n``, in any order. Errors of different steps count as independent.
-
-    Raises
-    ------
-    InputError
-        A scan that the trajectory does not have.
-
-    Source
-    ------
-    The compounding of Smith, Self and Cheeseman, as in Beeson 2008, 9.3.1, summed in closed form.
-
-    Examples
-    --------
-    >>> straight = np.column_stack([np.arange(3.0), np.zeros((3, 2))])
-    >>> each = np.stack([np.diag([0.01, 0.01, 0.0001])] * 3)
-    >>> drive = Trajectory(straight, each, np.ones(3, bool), np.ones(3))
-    >>> covariance_between(drive, 0, 2).diagonal().round(4).tolist()
-    [0.02, 0.0201, 0.0002]
-    """
-    n = len(trajectory)
-    if not (0 <= i < n and 0 <= j < n):
-        raise InputError(f"covariance_between: scans {i} and {j} asked for, there are 0 to {n - 1}")
-    first, last = min(i, j), max(i, j)
-    if first == last:
-        return np.zeros((3, 3))
-    steps = slice(first + 1, last + 1)
-    poses = between(trajectory.poses[first], trajectory.poses[first : last + 1])
-    before, arm = poses[:-1], poses[-1, :2] - poses[1:, :2]
-    jac = np.zeros((last - first, 3, 3))
-    jac[:, 0, 0] = jac[:, 1, 1] = np.cos(before[:, 2])
-    jac[:, 1, 0] = np.sin(before[:, 2])
-    jac[:, 0, 1] = -jac[:, 1, 0]
-    jac[:, 0, 2], jac[:, 1, 2] = -arm[:, 1], arm[:, 0]  # a turn swings all that follows
-    jac[:, 2, 2] = 1.0
-    forward = np.einsum("kij,kjl,kml->im", jac, trajectory.step_covariances[steps], jac)
-    if i < j:
-        return np.asarray(forward)
-    x, y, turn = poses[-1]
-    c, s = np.cos(turn), np.sin(turn)
-    back = np.array([[-c, -s, s * x - c * y], [s, -c, c * x + s * y], [0.0, 0.0, -1.0]])
-    return np.asarray(back @ forward @ back.T)
-
-
-@dataclass
-class _Submap:
-    """The scans of the last metres of travel, one every half metre or 20 degrees."""
-
-    travel_m: float
-    stride_m: float = 0.5
-    stride_rad: float = 0.35
-    _surfaces: deque[Surface] = field(default_factory=deque)
-    _stations: deque[Array] = field(default_factory=deque)
-    _reference: Reference | None = None
-
-    def add(self, scan: Surface, pose: Array) -> None:
-        """Take in a scan if the robot has moved enough since the last one that was."""
-        if len(scan) == 0:
+    def advance(self, k: int, scan: Surface) -> None:
+        """Find the pose of scan k and take it into the submap."""
+        drive, key = self.drive, self._key
+        if k == 0:
+            drive.matched[0], drive.scores[0] = True, 1.0
+            self._submap.add(scan, drive.poses[0])
             return
-        if self._stations:
-            step = between(self._stations[-1], pose)
-            if np.hypot(step[0], step[1]) < self.stride_m and abs(step[2]) < self.stride_rad:
-                return
-        self._surfaces.append(scan.moved(pose))
-        self._stations.append(pose)
-        way = np.hypot(*np.diff(np.array(self._stations)[:, :2], axis=0).T).sum()
-        while way > self.travel_m and len(self._stations) > 2:
-            way -= float(np.hypot(*(self._stations[1] - self._stations[0])[:2]))
-            self._surfaces.popleft()
-            self._stations.popleft()
-        self._reference = None
+        last = drive.poses[k - 1]
+        step, trust = self._predict(k)
+        held = between(drive.poses[key], last)
+        known = self._spreads[k - 1] if k - 1 != key else np.zeros((3, 3))
+        prior = compose_covariance(held, known, step, trust)
+        found = self._match(scan, compose(last, step), _turn(prior, drive.poses[key, 2]))
+        posterior = _turn(found.covariance, -drive.poses[key, 2])
+        drive.poses[k], drive.matched[k], drive.scores[k] = found.pose, found.ok, found.score
+        self._keys[k], self._spreads[k] = key, posterior
+        drive.step_covariances[k] = _fuse(trust, _turn(posterior + known, -held[2]))
+        if k - 1 == key or not found.ok:
+            drive.step_covariances[k] = trust if not found.ok else _turn(posterior, -held[2])
+        if self._submap.add(scan, found.pose):
+            self._learn(k)
+            self._key = k
 
-    def make_reference(self) -> Reference | None:
-        """Return what there is to match to."""
-        if self._reference is None and self._surfaces:
-            parts = list(self._surfaces)
-            self._reference = Reference(
-                Surface(
-                    np.concatenate([s.points for s in parts]),
-                    np.concatenate([s.normals for s in parts]),
-                    np.concatenate([s.spacing_m for s in parts]),
-                )
-            )
-        return self._reference
+    def _predict(self, k: int) -> tuple[Array, Array]:
+        """Return the step (3,) from scan k - 1 that odometry tells, and its covariance."""
+        if self._odometry is None:
+            return np.zeros(3), np.diag(self._model.blind) ** 2
+        step = between(self._odometry[k - 1], self._odometry[k])
+        return self._fit.correct(step), self._fit.predict(step)
 
-
-def _match_step(
-    scan: Surface,
-    submap: _Submap,
-    last: Array,
-    step: Array,
-    model: MotionModel,
-    *,
-    blind: bool,
-) -> Match:
-    """Match a scan from where odometry puts it; look further afield where that finds nothing."""
-    guess = compose(last, step)
-    local = np.diag(model.blind) ** 2 if blind else model.predict(step)
-    prior = _turn_covariance(local, last[2])
-    reference = submap.make_reference()
-    if reference is None:
-        return Match(guess, prior, 0.0, False)
-    if blind:
-        return match_scan(scan, reference, guess, prior, window=(1.4, 0.8))
-    deviations = np.sqrt(np.diag(local))
-    window = (max(0.1, 3 * deviations[:2].max()), max(0.06, 3 * deviations[2]))
-    found = match_scan(scan, reference, guess, prior, window=window)
-    if found.ok:
+    def _match(self, scan: Surface, guess: Array, prior: Array) -> Match:
+        """Match a scan near the guess; look further afield where that finds little."""
+        reference = self._submap.make_reference()
+        if self._odometry is None:
+            return match_scan(scan, reference, guess, prior, window=BLIND_WINDOW)
+        deviations = np.sqrt(np.diag(prior))
+        window = (max(0.1, 3 * deviations[:2].max()), max(0.06, 3 * deviations[2]))
+        found = match_scan(scan, reference, guess, prior, window=window, eager=True)
+        for wide in WIDE_WINDOWS:
+            if found.ok and found.score > WEAK_SCORE:
+                break
+            again = match_scan(scan, reference, guess, 16.0 * prior, window=wide)
+            if again.ok and again.score > found.score + 0.2:
+                found = again
         return found
-    wide = match_scan(scan, reference, guess, prior * 16.0, window=(0.8, 0.6))
-    return wide if wide.ok else found
+
+    def _learn(self, k: int) -> None:
+        """Tell the action model how the odometry since the last key scan has erred."""
+        if self._odometry is None or not self.drive.matched[k]:
+            return
+        step = between(self._odometry[self._key], self._odometry[k])
+        prior = np.diag(self._fit.predict(step))
+        measured = relative_pose(self.drive, self._key, k)
+        share = 1.0 - np.diag(self._spreads[k]) / prior
+        self._fit.learn(step, measured, share)
 
 
-def _turn_covariance(covariance: Array, angle_rad: float) -> Array:
-    """Turn the covariance of a pose into a frame turned by minus the angle."""
+def _fuse(a: Array, b: Array) -> Array:
+    """Return the covariance of the product of two Gaussians."""
+    return np.asarray(a @ np.linalg.solve(a + b, b))
+
+
+def _turn(covariance: Array, angle_rad: float) -> Array:
+    """Turn the covariance (3, 3) of a pose by an angle, counter-clockwise."""
     c, s = np.cos(angle_rad), np.sin(angle_rad)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     return np.asarray(turn @ covariance @ turn.T)

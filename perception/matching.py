@@ -20,16 +20,18 @@ from perception.surfaces import CELL_M, COARSE, Reference, Surface, fit_normals
 
 RANGE_NOISE_M = 0.015
 """Least standard deviation of a point from its line, metres."""
-NORMAL_NOISE_RAD = 0.12
+NORMAL_NOISE_RAD = 0.1
 """Standard deviation of a surface normal; information weaker than it would feign is dropped."""
 INDEPENDENCE = 0.15
 """Share of the beams that count as independent (walls are not straight, submaps not exact)."""
 BEAM_NATS = 40.0
 """Log-likelihood by which a scan that fits wholly exceeds one that does not fit at all."""
-MIN_INLIERS = 0.35
+MIN_INLIERS = 0.2
 """Share of the points that must lie on the reference for a match to count."""
 FLOOR = (0.003, 0.003, 0.001)
 """Least standard deviation of a matched pose: m, m, rad."""
+EAGER_SCORE = 0.8
+"""Share of the points that must lie on the reference for a refined guess to need no search."""
 MIN_POINTS = 12
 """Fewer points than this are not matched."""
 
@@ -59,6 +61,7 @@ def match_scan(
     covariance: Any = None,  # noqa: ANN401
     *,
     window: tuple[float, float] = (0.3, 0.15),
+    eager: bool = False,
 ) -> Match:
     """Find the pose of a scan within a reference, near a guess.
 
@@ -70,6 +73,7 @@ def match_scan(
     guess : (3,) pose to start from; m, m, rad.
     covariance : (3, 3) of the guess, same frame; by default the window is two deviations wide.
     window : half width of the search in translation [m] and rotation [rad].
+    eager : refine the guess first, and do without the search where that already fits well.
 
     Returns
     -------
@@ -97,13 +101,12 @@ def match_scan(
     miss = Match(start, prior, 0.0, False)
     if len(scan) < MIN_POINTS or len(known.lines) < MIN_POINTS:
         return miss
-    candidates = search_poses(scan.points, known, start, prior, window=window)
-    best = miss
-    for candidate in candidates:
-        found = refine_pose(scan, known, candidate, start, prior)
-        if found.ok and found.score > best.score + (0.02 if best.ok else 0.0):
-            best = found
-    return best
+    first = refine_pose(scan, known, start, start, prior) if eager else miss
+    if first.ok and first.score > EAGER_SCORE and _measure_offset(first.pose, start, prior) < 9.0:
+        return first
+    near = search_poses(scan.points, known, start, prior, window=window)
+    found = refine_pose(scan, known, near, start, prior)
+    return first if first.ok and first.score >= found.score else found
 
 
 def search_poses(
@@ -113,19 +116,17 @@ def search_poses(
     covariance: Array,
     *,
     window: tuple[float, float],
-    keep: int = 1,
-) -> list[Array]:
-    """Search a window of poses for those under which the points fall on the reference.
+) -> Array:
+    """Search a window of poses for the one under which the points fall on the reference.
 
     Parameters
     ----------
     points : (n, 2) laser frame, metres.
     reference, guess, covariance, window : as in :func:`match_scan`.
-    keep : how many poses to return, best first, well apart.
 
     Returns
     -------
-    list of (3,) poses, to about half a fine cell.
+    Pose (3,), to about half a cell.
 
     Source
     ------
@@ -146,13 +147,7 @@ def search_poses(
     )
     score = _rate_poses(reference.fine, reference.origin, beams, local)
     score += _weigh_prior(local - guess, weight)
-    chosen: list[Array] = []
-    for k in np.argsort(-score, kind="stable"):
-        if all(np.hypot(*(local[k] - other)[:2]) > 0.15 for other in chosen):
-            chosen.append(local[k])
-        if len(chosen) == keep:
-            break
-    return chosen
+    return np.asarray(local[int(np.argmax(score))])
 
 
 def refine_pose(
@@ -255,6 +250,13 @@ def _sum_normal_equations(
     return root @ kept @ root.T, root @ kept @ inverse @ pull, inliers
 
 
+def _measure_offset(pose: Array, guess: Array, covariance: Array) -> float:
+    """Return the squared normalised distance of a pose from the guess."""
+    offset = pose - guess
+    offset[2] = wrap_angle(offset[2])
+    return float(offset @ np.linalg.solve(covariance, offset))
+
+
 def _make_reference(reference: Any) -> Reference:  # noqa: ANN401
     return Reference(reference if isinstance(reference, Surface) else fit_normals(reference))
 
@@ -265,11 +267,11 @@ def _make_axis(half_width: float, step: float) -> Array:
     return np.asarray(np.linspace(-half_width, half_width, 2 * count + 1))
 
 
-def _make_lattice(centres: Array, shifts: Array, turns: Array) -> Array:
+def _make_lattice(centres: Array, shifts: Any, turns: Any) -> Array:  # noqa: ANN401
     """Return all poses (k, 3) at given shifts in x and y and given turns from each centre."""
     x, y, a = np.meshgrid(shifts, shifts, turns, indexing="ij")
     offsets = np.column_stack([x.ravel(), y.ravel(), a.ravel()])
-    return np.asarray((centres[:, None] + offsets).reshape(-1, 3))
+    return np.asarray((centres[:, None] + offsets).reshape(-1, 3), float)
 
 
 def _thin_points(points: Array, count: int) -> Array:
