@@ -14,7 +14,7 @@ from hssh_kb.solver import Symbol, is_satisfiable, solve_all, solve_best, solve_
 from hssh_kb.theory import axiom_program, policy_levels, policy_program, read_programs
 
 Dstate = tuple[int, int]
-_CORE = ("experience", "generate", "map", "modes/strict", "show")
+_CORE = ("experience", "generate", "map", "connected", "modes/strict", "show")
 _ALWAYS = ("star_isomorphism", "travel_function", "reversibility")
 
 

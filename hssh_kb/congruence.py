@@ -1,0 +1,218 @@
+"""What must be one place, given that some visits are: closure under the axioms of travel.
+
+Without planarity the axioms are closed under this: a set of assumptions about visits has a map
+exactly if the least map that follows from it violates nothing. So "why not?" needs no search, and
+a trace of hundreds of visits is answered at once. The logic programs stay the judge: what is found
+here is handed to them in the few visits that matter.
+
+Source: ours; the least closure is the "equality is congruence" of Remolina & Kuipers 2004.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+from hssh_kb.experience import Experience
+from hssh_kb.hypothesis import Hypothesis
+
+Gate = tuple[int, int]
+
+
+class _ConflictError(Exception):
+    """The closure violates an axiom."""
+
+
+@dataclass(frozen=True)
+class Assumption:
+    """The user supposes that two visits are (or are not) at one place.
+
+    Attributes
+    ----------
+    one, other : indices of the visits. same : whether they are one place.
+    text : the user's words.
+    """
+
+    one: int
+    other: int
+    same: bool
+    text: str
+
+
+class Closure:
+    """Least map that follows from assumptions and trusted observations; best stars only."""
+
+    def __init__(self, experience: Experience) -> None:
+        readings = [visit.readings[0] for visit in experience.visits]
+        self.stars = [reading.star for reading in readings]
+        self.arrive = [reading.arrive for reading in readings]
+        self.depart = [reading.depart for reading in readings]
+        self.came = [
+            None if arrive is None else star.opposite(arrive)
+            for star, arrive in zip(self.stars, self.arrive, strict=True)
+        ]
+        self._rotations: dict[tuple[int, int], tuple[int, ...]] = {}
+
+    def close(
+        self,
+        trusted: frozenset[int],
+        travels: Sequence[int],
+        assumptions: Iterable[Assumption],
+    ) -> Hypothesis | None:
+        """Return the least map, or None if every alignment of the stars violates an axiom.
+
+        Parameters
+        ----------
+        trusted : visits whose star is believed.
+        travels : travels that are believed, each named by the visit it leads to.
+        assumptions : what is supposed.
+        """
+        given = list(assumptions)
+        believed = sorted(v for v in travels if v in trusted and v - 1 in trusted)
+        same = [a for a in given if a.same]
+        for alignment in self._alignments(trusted, same):
+            classes = _Classes(self)
+            try:
+                for a in same:
+                    classes.unite(a.one, a.other)
+                for v, w, rotation in alignment:
+                    classes.align(v, w, rotation)
+                links = self._close_travels(believed, classes)
+                self._check_order(links)
+                self._check_different(classes, [a for a in given if not a.same])
+            except _ConflictError:
+                continue
+            doubted = sorted(set(range(1, len(self.stars))) - set(travels))
+            return classes.to_hypothesis(doubted)
+        return None
+
+    def _alignments(
+        self, trusted: frozenset[int], same: Sequence[Assumption]
+    ) -> Iterator[tuple[tuple[int, int, int], ...]]:
+        """Yield (visit, visit, rotation) merges, one tuple for each way to align the stars."""
+        groups = _Classes(self)
+        for a in same:
+            groups.unite(a.one, a.other)
+        members: dict[int, list[int]] = {}
+        for v in sorted(trusted):
+            members.setdefault(groups.place(v), []).append(v)
+        choices = [
+            [(v, group[0], r) for r in self.rotations(v, group[0])]
+            for group in members.values()
+            for v in group[1:]
+        ]
+        yield from product(*choices)
+
+    def rotations(self, v: int, w: int) -> tuple[int, ...]:
+        """Return the isomorphisms from the star of visit v to the star of visit w."""
+        key = (v, w)
+        if key not in self._rotations:
+            self._rotations[key] = self.stars[v].isomorphisms(self.stars[w])
+        return self._rotations[key]
+
+    def _close_travels(self, travels: Sequence[int], classes: _Classes) -> dict[Gate, Gate]:
+        """Join gateways and make one what travel says is one, until nothing changes."""
+        links: dict[Gate, Gate] = {}
+        while not self._join_all(travels, classes, links):
+            links.clear()
+        return links
+
+    def _join_all(self, travels: Sequence[int], classes: _Classes, links: dict[Gate, Gate]) -> bool:
+        """Join gateways; False if that made two visits one place, so that all starts anew."""
+        for v in travels:
+            depart, came = self.depart[v - 1], self.came[v]
+            if depart is None or came is None:
+                continue
+            out, into = classes.gate(v - 1, depart), classes.gate(v, came)
+            if out == into:
+                raise _ConflictError
+            for one, other in ((out, into), (into, out)):
+                known = links.get(one, other)
+                if known != other:
+                    (w, k), (u, m) = known, other
+                    classes.align(w, u, (m - k) % len(self.stars[w]))
+                    return False
+                links[one] = other
+        return True
+
+    def _check_order(self, links: dict[Gate, Gate]) -> None:
+        for start in links:
+            seen, gate = {start[0]}, start
+            while gate in links:
+                place, k = links[gate]
+                if place in seen:
+                    raise _ConflictError
+                seen.add(place)
+                gate = (place, self.stars[place].opposite(k))
+
+    def _check_different(self, classes: _Classes, different: Sequence[Assumption]) -> None:
+        for a in different:
+            if classes.place(a.one) == classes.place(a.other):
+                raise _ConflictError
+
+
+class _Classes:
+    """Visits in places, and the rotation that carries each star onto the first of its place."""
+
+    def __init__(self, closure: Closure) -> None:
+        self.closure = closure
+        count = len(closure.stars)
+        self.root = list(range(count))
+        self.aligned = [(v, 0) for v in range(count)]
+
+    def place(self, v: int) -> int:
+        """Return the first visit of the place of a visit."""
+        while self.root[v] != v:
+            v = self.root[v]
+        return v
+
+    def unite(self, v: int, w: int) -> None:
+        """Make two visits one place."""
+        one, other = self.place(v), self.place(w)
+        self.root[max(one, other)] = min(one, other)
+
+    def frame(self, v: int) -> tuple[int, int]:
+        """Return the visit whose star numbers the gateways here, and the rotation onto it."""
+        turn = 0
+        while self.aligned[v][0] != v:
+            v, more = self.aligned[v]
+            turn += more
+        return v, turn
+
+    def gate(self, v: int, k: int) -> Gate:
+        """Return the gateway of dlp k of visit v."""
+        w, turn = self.frame(v)
+        return w, (k + turn) % len(self.closure.stars[w])
+
+    def align(self, v: int, w: int, rotation: int) -> None:
+        """Make dlp k of visit v dlp k + rotation of visit w.
+
+        Raises
+        ------
+        _ConflictError : they are aligned otherwise already, or their stars differ.
+        """
+        (one, turn_v), (other, turn_w) = self.frame(v), self.frame(w)
+        size = len(self.closure.stars[one])
+        turn = (rotation + turn_w - turn_v) % max(size, 1)
+        if one == other:
+            if turn:
+                raise _ConflictError
+            return
+        if turn not in self.closure.rotations(one, other):
+            raise _ConflictError
+        if one < other:
+            one, other, turn = other, one, -turn % size
+        self.aligned[one] = (other, turn)
+        self.unite(v, w)
+
+    def to_hypothesis(self, doubted: Sequence[int]) -> Hypothesis:
+        """Return the map."""
+        visits, offsets = [], []
+        for v in range(len(self.root)):
+            place = self.place(v)
+            (frame, turn), (home, back) = self.frame(v), self.frame(place)
+            size = len(self.closure.stars[v])
+            visits.append(place)
+            offsets.append((turn - back) % size if frame == home and size else 0)
+        return Hypothesis(tuple(visits), tuple(offsets), doubted=tuple(doubted))

@@ -1,0 +1,229 @@
+"""Conflicts in words: which axiom, which witness, which visits; judged by the logic programs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from hssh_kb.congruence import Assumption
+from hssh_kb.errors import InternalError
+from hssh_kb.experience import Experience
+from hssh_kb.facts import experience_to_facts
+from hssh_kb.oracle import AXIOMS, Literal, assumption_facts
+from hssh_kb.solver import Symbol, is_satisfiable, solve_best
+from hssh_kb.theory import axiom_program, find_axiom, read_messages, read_programs
+
+_BY_WEIGHT = (
+    "planarity",
+    "order_irreflexive",
+    "star_isomorphism",
+    "reversibility",
+    "travel_function",
+)
+"""Axioms in the order in which they are tried to be left out of a reason."""
+
+
+@dataclass(frozen=True)
+class Reason:
+    """Why some literals cannot hold together.
+
+    Attributes
+    ----------
+    axiom : name of the axiom that is violated; "assumption" if the assumptions alone clash.
+    axioms : all axioms that are needed, the violated one first.
+    witness : where it is violated, as a term such as ``alpha(8,3,1,2)``.
+    text : one plain sentence.
+    """
+
+    axiom: str
+    axioms: tuple[str, ...]
+    witness: str
+    text: str
+
+
+class Narrator:
+    """Turns minimal conflicts into reasons.
+
+    Parameters
+    ----------
+    experience, assumptions : what was lived through and what is supposed.
+    planarity : whether this axiom holds.
+    """
+
+    def __init__(
+        self, experience: Experience, assumptions: Sequence[Assumption], *, planarity: bool
+    ) -> None:
+        self.experience, self.assumptions = experience, assumptions
+        self.axioms = [name for name in AXIOMS if planarity or name != "planarity"]
+
+    def explain(self, conflict: frozenset[Literal], budget_s: float | None = None) -> Reason:
+        """Return the reason of a minimal conflict.
+
+        Raises
+        ------
+        InternalError : the logic programs find no conflict where the closure found one.
+        """
+        visits = self.visits_of(conflict)
+        facts = self._facts(conflict, visits)
+        if self._satisfiable(facts, self.axioms, budget_s):
+            raise InternalError(
+                f"the axioms accept what their closure rejects, at visits {sorted(visits)}"
+            )
+        needed = list(self.axioms)
+        for name in _BY_WEIGHT:
+            fewer = [other for other in needed if other != name]
+            if name in needed and self._satisfiable(facts, fewer, budget_s) is False:
+                needed = fewer
+        if not needed:
+            return Reason("assumption", (), "", self._tell_assumptions(conflict))
+        violated = next(name for name in _BY_WEIGHT if name in needed)
+        others = [name for name in needed if name != violated]
+        witness = self._find_witness(facts, others, violated, budget_s)
+        text = self._tell(conflict, violated, others, witness)
+        return Reason(violated, (violated, *others), witness[1], text)
+
+    def visits_of(self, conflict: Iterable[Literal]) -> set[int]:
+        """Return the visits that a conflict speaks of."""
+        visits: set[int] = set()
+        for literal in conflict:
+            if literal.kind == "assumption":
+                a = self.assumptions[literal.number]
+                visits |= {a.one, a.other}
+            else:
+                visits.add(literal.number)
+                if literal.kind == "travel":
+                    visits.add(literal.number - 1)
+        return visits
+
+    def _facts(self, conflict: frozenset[Literal], visits: set[int]) -> str:
+        stars = {x.number for x in conflict if x.kind == "star"}
+        travels = {x.number for x in conflict if x.kind == "travel"}
+        doubted = [f"doubtable(star({v}))." for v in visits - stars]
+        doubted += [f"doubtable(travel({v}))." for v in visits - travels if v - 1 in visits]
+        held = [(x.number, self.assumptions[x.number]) for x in conflict if x.kind == "assumption"]
+        return "\n".join(
+            [
+                experience_to_facts(self.experience, visits),
+                *sorted(doubted),
+                assumption_facts(sorted(held)),
+            ]
+        )
+
+    def _satisfiable(
+        self, facts: str, axioms: Iterable[str], budget_s: float | None
+    ) -> bool | None:
+        names = ["experience", "generate", "wide", "map", "assume", "components", "modes/strict"]
+        program = read_programs([*names, *map(axiom_program, axioms)]) + facts
+        return is_satisfiable(program, budget_s)
+
+    def _find_witness(
+        self, facts: str, others: Iterable[str], violated: str, budget_s: float | None
+    ) -> tuple[str, str]:
+        """Return clause and term of a smallest violation when all the others are kept."""
+        names = ["experience", "generate", "wide", "map", "assume", "components"]
+        program = read_programs(
+            [*names, *map(axiom_program, [*others, violated]), "modes/diagnose"]
+        )
+        program += facts + f"\n#show.\n#show X : violation({violated},X).\n"
+        program += "".join(f":- violation({name},X).\n" for name in others)
+
+        def convert(symbols: Sequence[Symbol]) -> list[Symbol]:
+            return sorted(symbols)
+
+        best = solve_best(program, convert, limit=1, budget_s=budget_s)
+        if not best.found or not best.found[0]:
+            return "", ""
+        return best.found[0][0].name, str(best.found[0][0])
+
+    # words
+
+    def _tell_assumptions(self, conflict: Iterable[Literal]) -> str:
+        return f"{self._subject(conflict)} contradict each other"
+
+    def _subject(self, conflict: Iterable[Literal]) -> str:
+        texts = [
+            self.assumptions[x.number].text for x in sorted(conflict) if x.kind == "assumption"
+        ]
+        return " and ".join(texts)
+
+    def _tell(
+        self,
+        conflict: frozenset[Literal],
+        violated: str,
+        others: Sequence[str],
+        witness: tuple[str, str],
+    ) -> str:
+        axiom = find_axiom(violated)
+        subject = self._subject(conflict) or "The experience"
+        head = f"{subject} breaks axiom {axiom.number} ({axiom.title})"
+        if " and " in subject:
+            head = f"{subject} together break axiom {axiom.number} ({axiom.title})"
+        detail = self._detail(conflict, violated, witness)
+        chain = self._chain(conflict, violated, others, witness)
+        return f"{head}: {chain}{detail}."
+
+    def _chain(
+        self,
+        conflict: frozenset[Literal],
+        violated: str,
+        others: Sequence[str],
+        witness: tuple[str, str],
+    ) -> str:
+        """Say how the clash follows, where it is not direct."""
+        travels = sorted(x.number for x in conflict if x.kind == "travel")
+        if not travels:
+            return ""
+        legs = ", ".join(f"{self._label(v - 1)} to {self._label(v)}" for v in travels)
+        told = f"by the travel{'s' if len(travels) > 1 else ''} {legs}"
+        if others:
+            laws = " and ".join(
+                f"axiom {find_axiom(name).number} ({find_axiom(name).title})" for name in others
+            )
+            told += f", and by {laws}"
+        numbers = _numbers(witness[1])
+        if violated == "star_isomorphism" and len(numbers) >= 2:
+            told += f", {self._label(numbers[0])} and {self._label(numbers[1])} are one place"
+            return f"{told}, yet "
+        return f"{told}, "
+
+    def _detail(self, conflict: frozenset[Literal], violated: str, witness: tuple[str, str]) -> str:
+        clause, term = witness
+        numbers = _numbers(term)
+        messages = read_messages()[violated]
+        if violated == "star_isomorphism":
+            a, b = numbers[0], numbers[1]
+            if clause != "size" and not any(x.kind == "travel" for x in conflict):
+                clause = "none"
+            words = {
+                "a": self._label(a),
+                "b": self._label(b),
+                "star_a": str(self.experience.visits[a].star),
+                "star_b": str(self.experience.visits[b].star),
+            }
+            if len(numbers) == 4:
+                words["dlp_a"] = self._dlp(a, numbers[2])
+                words["dlp_b"] = self._dlp(b, numbers[3])
+            return messages[clause].format(**words)
+        if violated == "planarity" or not numbers:
+            return messages["genus"] if violated == "planarity" else find_axiom(violated).title
+        place, k = numbers[0], numbers[1]
+        return messages[clause].format(place=self._label(place), dlp=self._dlp(place, k))
+
+    def _label(self, v: int) -> str:
+        return self.experience.visit_label(v)
+
+    def _dlp(self, v: int, k: int) -> str:
+        dlps = self.experience.visits[v].star.dlps
+        return str(dlps[k % len(dlps)]) if dlps else str(k)
+
+
+def _numbers(term: str) -> list[int]:
+    """Return the arguments of a flat term of integers."""
+    return list(_iterate_numbers(term))
+
+
+def _iterate_numbers(term: str) -> Iterator[int]:
+    inside = term.partition("(")[2].rstrip(")")
+    for part in inside.split(","):
+        if part.strip().isdigit():
+            yield int(part)

@@ -1,0 +1,172 @@
+"""May these observations and assumptions hold together? Quick where it can be, exact always."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+from hssh_kb.congruence import Assumption, Closure
+from hssh_kb.experience import Experience
+from hssh_kb.facts import experience_to_facts
+from hssh_kb.hypothesis import Hypothesis
+from hssh_kb.planarity import is_planar
+from hssh_kb.solver import solve_all
+from hssh_kb.subsets import OutOfTimeError
+from hssh_kb.theory import axiom_program, read_programs
+
+
+class Literal(NamedTuple):
+    """Something that may be dropped to make an experience and its assumptions consistent.
+
+    ``kind`` is "assumption" (``number`` into the assumptions), "star" (what was seen at a visit)
+    or "travel" (the travel that led to a visit).
+    """
+
+    kind: str
+    number: int
+
+
+AXIOMS = (
+    "star_isomorphism",
+    "travel_function",
+    "reversibility",
+    "order_irreflexive",
+    "planarity",
+)
+"""The axioms by which a map can fail; the others hold by the way a map is written down."""
+
+
+def assumption_facts(assumptions: Iterable[tuple[int, Assumption]]) -> str:
+    """Return assumptions as facts of ``axioms/assume.lp``."""
+    return "".join(
+        f"assumed_{'same' if a.same else 'different'}({i},{a.one},{a.other}).\n"
+        for i, a in assumptions
+    )
+
+
+class Oracle:
+    """Answers whether a set of literals has a map.
+
+    Parameters
+    ----------
+    experience, assumptions : what was lived through and what is supposed.
+    planarity : whether this axiom holds.
+    end : instant (``time.monotonic``) at which to give up.
+    """
+
+    def __init__(
+        self,
+        experience: Experience,
+        assumptions: Sequence[Assumption],
+        *,
+        planarity: bool = True,
+        end: float | None = None,
+    ) -> None:
+        self.experience, self.assumptions = experience, assumptions
+        self.planarity, self.end = planarity, end
+        self.closure = Closure(experience)
+        self.certain = all(len(visit.readings) == 1 for visit in experience.visits)
+        self.searches = 0
+        self._known: dict[frozenset[Literal], Hypothesis | None] = {}
+
+    def literals(self) -> list[Literal]:
+        """Return all literals, those near the assumptions first."""
+        count = len(self.experience)
+        near = [v for a in self.assumptions for v in (a.one, a.other)]
+
+        def distance(v: int) -> int:
+            return min((abs(v - w) for w in near), default=v)
+
+        visits = sorted(range(count), key=lambda v: (distance(v), v))
+        observed = []
+        for v in visits:
+            observed.append(Literal("star", v))
+            if v:
+                observed.append(Literal("travel", v))
+        return [Literal("assumption", i) for i in range(len(self.assumptions))] + observed
+
+    def consistent(self, active: frozenset[Literal]) -> bool:
+        """Return whether some map agrees with these literals.
+
+        Raises
+        ------
+        OutOfTimeError : the budget ran out.
+        """
+        return self.find_map(active) is not None
+
+    def find_map(self, active: frozenset[Literal]) -> Hypothesis | None:
+        """Return some map that agrees with these literals, or None if there is none."""
+        if active not in self._known:
+            self._known[active] = self._find_map(active)
+        return self._known[active]
+
+    def _find_map(self, active: frozenset[Literal]) -> Hypothesis | None:
+        if self.end is not None and time.monotonic() >= self.end:
+            raise OutOfTimeError
+        stars = frozenset(x.number for x in active if x.kind == "star")
+        travels = [x.number for x in active if x.kind == "travel"]
+        assumed = [self.assumptions[x.number] for x in active if x.kind == "assumption"]
+        least = self.closure.close(stars, travels, assumed)
+        if least is None and self.certain:
+            return None
+        if least is not None and (not self.planarity or is_planar(self.experience, least, stars)):
+            return least
+        return self._search(active)
+
+    def _search(self, active: frozenset[Literal]) -> Hypothesis | None:
+        """Ask the solver: planarity or the choice of readings decides."""
+        from hssh_kb.maps import make_converter
+
+        self.searches += 1
+        program = self.program(active, [name for name in AXIOMS if self._holds(name)])
+        convert = make_converter(len(self.experience), not self.certain)
+        rest = None if self.end is None else max(self.end - time.monotonic(), 0.0)
+        found = solve_all(program, convert, limit=1, budget_s=rest)
+        if found.found:
+            return found.found[0]
+        if not found.complete:
+            raise OutOfTimeError
+        return None
+
+    def _holds(self, axiom: str) -> bool:
+        return self.planarity or axiom != "planarity"
+
+    def program(self, active: frozenset[Literal], axioms: Iterable[str]) -> str:
+        """Return the strict program of some literals and axioms, over all visits."""
+        names = ["experience", "generate", "map", "assume", "components", "modes/strict", "show"]
+        count = len(self.experience)
+        stars = {x.number for x in active if x.kind == "star"}
+        travels = {x.number for x in active if x.kind == "travel"}
+        doubted = [f"doubtable(star({v}))." for v in range(count) if v not in stars]
+        doubted += [f"doubtable(travel({v}))." for v in range(1, count) if v not in travels]
+        held = [(x.number, self.assumptions[x.number]) for x in active if x.kind == "assumption"]
+        return "\n".join(
+            [
+                read_programs([*names, *map(axiom_program, axioms)]),
+                experience_to_facts(self.experience),
+                *doubted,
+                assumption_facts(sorted(held)),
+                *self._candidates(stars),
+            ]
+        )
+
+    def _candidates(self, stars: set[int]) -> list[str]:
+        """Return where each visit may be: wherever trusted stars do not forbid it."""
+        out = []
+        for v, visit in enumerate(self.experience.visits):
+            for p in range(v):
+                there = self.experience.visits[p]
+                if v not in stars:
+                    turns: set[int] = {0}
+                elif p not in stars:
+                    turns = {r for one in visit.readings for r in range(len(one.star))}
+                else:
+                    turns = {
+                        r
+                        for one in visit.readings
+                        for other in there.readings
+                        for r in one.star.isomorphisms(other.star)
+                    }
+                out += [f"candidate({v},{p},{r})." for r in sorted(turns)]
+        return out
