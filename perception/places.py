@@ -25,6 +25,9 @@ from perception.star import Star
 from perception.topology import LocalTopology, StarReading, local_topology
 
 
+REVIEW_STEP_M, REVIEW_MAX_M, REVIEW_VOTE = 1.0, 4.5, 1.0
+
+
 @dataclass(frozen=True)
 class PlaceSettings:
     """How places are detected.
@@ -58,7 +61,7 @@ class PlaceSettings:
     max_readings: int = 6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sighting:
     """The local topology read once, carried into the drive frame.
 
@@ -126,9 +129,24 @@ class _Candidate:
     """A place not yet committed: the sightings that speak of it."""
 
     sightings: list[Sighting] = field(default_factory=list)
+    reviews: list[Sighting] = field(default_factory=list)
     tile: Image | None = None
     tile_frame: Frame | None = None
     tile_distance_m: float = np.inf
+
+    reviewed_m: float = 0.0
+
+    def review(
+        self, scan: int, away: float, poses: Array, local: LocalMap, settings: PlaceSettings
+    ) -> None:
+        """Look back at the place from a little beyond, when both of its sides have been seen."""
+        if away < self.reviewed_m + REVIEW_STEP_M or away > REVIEW_MAX_M:
+            return
+        self.reviewed_m = away
+        pose = poses[scan].copy()
+        sighting = _sight(scan, pose, local, settings, at_m=self.centre_m)
+        if sighting is not None and np.hypot(*(sighting.centre_m - self.centre_m)) < 2.0:
+            self.reviews.append(sighting)
 
     @property
     def centre_m(self) -> Array:
@@ -169,9 +187,12 @@ def _moved_little(a: Array, b: Array, settings: PlaceSettings) -> bool:
     return near and bool(abs(wrap_angle(b[2] - a[2])) < settings.step_rad)
 
 
-def _sight(scan: int, pose: Array, local: LocalMap, settings: PlaceSettings) -> Sighting | None:
+def _sight(
+    scan: int, pose: Array, local: LocalMap, settings: PlaceSettings, at_m: Array | None = None
+) -> Sighting | None:
+    """Read the local topology around the robot, or around another point of the LPM."""
     image, frame = local.image(), local.frame
-    column, row = frame.to_pixels(pose[:2])
+    column, row = frame.to_pixels(pose[:2] if at_m is None else at_m)
     try:
         topology = local_topology(
             image,
@@ -180,6 +201,7 @@ def _sight(scan: int, pose: Array, local: LocalMap, settings: PlaceSettings) -> 
             robot_radius_m=settings.robot_radius_m,
             min_frontier_m=settings.min_frontier_m,
             min_depth_m=settings.min_depth_m,
+            denoise=False,
         )
     except InputError:  # the LPM shows the robot in a wall: somebody stands close by
         return None
@@ -219,7 +241,8 @@ def detect_places(
                 candidate.tile, candidate.tile_frame = local.image(), local.frame
                 candidate.tile_distance_m = distance
         for candidate in list(open_):
-            away = np.hypot(*(poses[scan, :2] - candidate.centre_m))
+            away = float(np.hypot(*(poses[scan, :2] - candidate.centre_m)))
+            candidate.review(scan, away, poses, local, settings)
             if away > candidate.radius_m + 2.0 + settings.same_place_m:
                 open_.remove(candidate)
                 done.append(candidate)
@@ -281,7 +304,10 @@ def _merge_returns(
         if before is None or not _is_return(before, passage, poses, settings):
             out.append(passage)
             continue
-        both = _Candidate(before.candidate.sightings + passage.candidate.sightings)
+        both = _Candidate(
+            before.candidate.sightings + passage.candidate.sightings,
+            before.candidate.reviews + passage.candidate.reviews,
+        )
         best = min((before.candidate, passage.candidate), key=lambda c: c.tile_distance_m)
         both.tile, both.tile_frame = best.tile, best.tile_frame
         out[-1] = _Passage(
@@ -355,9 +381,11 @@ def _vote(
 ) -> list[tuple[_Group, float]]:
     """Add up the votes of all sightings for each different star; return the shares."""
     groups = list[_Group]()
-    for sighting in candidate.sightings:
+    for sighting in candidate.sightings + candidate.reviews:
         distance = float(np.hypot(*(sighting.pose[:2] - centre)))
         weight = float(np.exp(-0.5 * (distance / settings.vote_m) ** 2))
+        if sighting in candidate.reviews:
+            weight = REVIEW_VOTE
         for reading in sighting.topology.readings:
             vote = weight * reading.weight
             headings = -np.asarray(reading.headings_px, float)
