@@ -10,6 +10,7 @@ from hssh_kb.place_graph import PlaceGraph
 from hssh_kb.ranking import MapRow, RankedMaps, tabulate_maps
 
 if TYPE_CHECKING:
+    from hssh_kb.check import Check
     from hssh_kb.kb import KnowledgeBase
     from hssh_kb.route import Route
     from hssh_kb.route_steps import Step
@@ -25,6 +26,7 @@ def document_maps(experience: Experience, ranked: RankedMaps) -> Document:
         "complete": ranked.complete,
         "ranked_by": ranked.ranked_by,
         "proven": ranked.proven,
+        "budget_spent": ranked.budget_spent,
         "inconsistent_from": ranked.inconsistent_from,
         "visits": len(experience),
         "maps": [_document_row(row) for row in tabulate_maps(experience, ranked)],
@@ -98,7 +100,7 @@ def document_step(step: Step) -> Document:
     }
 
 
-def document_check(check: Any) -> Document:  # noqa: ANN401
+def document_check(check: Check) -> Document:
     """Return the ``hssh.check/1`` document of a check."""
     violations = [
         {
@@ -108,6 +110,7 @@ def document_check(check: Any) -> Document:  # noqa: ANN401
             "witness": _to_plain(violation.witness),
             "observations": _to_plain(violation.observations),
             "minimal": violation.minimal,
+            "axioms": list(violation.axioms),
         }
         for violation in check.violations
     ]
@@ -116,6 +119,9 @@ def document_check(check: Any) -> Document:  # noqa: ANN401
         "consistent": check.consistent,
         "violations": violations,
         "repairs": _to_plain(check.repairs),
+        "status": check.status,
+        "text": check.text,
+        "complete": check.complete,
     }
 
 
@@ -133,6 +139,7 @@ def document_build(kb: KnowledgeBase, path: str) -> Document:
         "maps": len(rows),
         "ranked_by": kb.ranked_by,
         "proven": kb.ranked.proven,
+        "budget_spent": kb.ranked.budget_spent,
         "inconsistent_from": kb.ranked.inconsistent_from,
         "trajectory_m": None if kb.trajectory is None else round(kb.trajectory.length_m, 3),
         "seconds": dict(kb.record.seconds),

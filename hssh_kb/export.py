@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from hssh_kb.answers import document_graph, document_maps
 from hssh_kb.errors import NoAnswerError, UsageError
 from hssh_kb.experience import experience_to_data
-from hssh_kb.files import write_bytes, write_text
 from hssh_kb.records import PlaceLayout, Trajectory
+from perception.files import write_atomically
 
 if TYPE_CHECKING:
     from hssh_kb.kb import KnowledgeBase
@@ -52,11 +52,12 @@ def export_kb(kb: KnowledgeBase, path: str | Path) -> tuple[Path, ...]:
     path, ending = Path(path), check_ending(path)
     if ending == ".json":
         document = document_kb(kb)
-        write_text(path, json.dumps(document, ensure_ascii=False, allow_nan=False) + "\n")
+        text = json.dumps(document, ensure_ascii=False, allow_nan=False)
+        write_atomically(path, f"{text}\n".encode())
     elif ending == ".lp":
         from hssh_kb.facts import write_instance
 
-        write_text(path, write_instance(kb.experience))
+        write_atomically(path, write_instance(kb.experience).encode())
     else:
         return _export_ros_map(kb, path)
     return (path,)
@@ -123,14 +124,14 @@ def _export_ros_map(kb: KnowledgeBase, path: Path) -> tuple[Path, ...]:
     image, frame = kb.global_map.image, kb.global_map.frame
     bottom_m = frame.top_m - image.shape[0] * frame.resolution_m
     description = path.with_suffix(".yaml")
-    write_bytes(path, cv2.imencode(".pgm", image)[1].tobytes())
-    write_text(
-        description,
+    write_atomically(path, cv2.imencode(".pgm", image)[1].tobytes())
+    text = (
         f"image: {json.dumps(path.name)}\n"
         f"resolution: {frame.resolution_m:.6g}\n"
         f"origin: [{frame.left_m:.6f}, {bottom_m:.6f}, 0.0]\n"
         "negate: 0\n"
         "occupied_thresh: 0.65\n"
-        "free_thresh: 0.196\n",
+        "free_thresh: 0.196\n"
     )
+    write_atomically(description, text.encode())
     return path, description

@@ -56,16 +56,14 @@ def replace_file(path: str | Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def write_text(path: str | Path, text: str) -> None:
-    """Write a text file, whole or not at all."""
-    with replace_file(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-
-
-def write_bytes(path: str | Path, data: bytes) -> None:
-    """Write a binary file, whole or not at all."""
-    with replace_file(path) as temporary:
-        temporary.write_bytes(data)
+def looks_like_json(path: str | Path) -> bool:
+    """Tell a trace from a log by its first visible character; False if it cannot be read."""
+    try:
+        with Path(path).open("rb") as file:
+            head = file.read(4096).removeprefix(b"\xef\xbb\xbf").lstrip()
+    except OSError:
+        return False
+    return head[:1] in (b"{", b"[")
 
 
 def remove_leftovers(path: Path) -> None:

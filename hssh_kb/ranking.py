@@ -6,6 +6,7 @@ posterior of Beeson 2008, chapter 9; which of the two decides is said with the a
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -33,7 +34,8 @@ class RankedMaps:
     ranked_by : "minimal" (fewest paths, then fewest places) or "posterior" (metrical evidence).
     minimality : "cardinality" or "subset", where minimality decided.
     consistent : how many maps are consistent; None if they were not all counted.
-    proven : False if a budget ran out before the best map was proven best.
+    proven : whether it is proven that no other map is better.
+    budget_spent : True if a budget ended the work; the maps are then a partial answer.
     inconsistent_from : the first visit with which no consistent map is left; None if there is
         one. The maps are then those of the visits before it.
     """
@@ -44,6 +46,7 @@ class RankedMaps:
     consistent: int | None = None
     proven: bool = True
     inconsistent_from: int | None = None
+    budget_spent: bool = False
 
     @property
     def complete(self) -> bool:
@@ -90,7 +93,7 @@ def rank_maps(
     best : how many maps; by default all that tie for the best if minimality decides, else 5.
     minimal : "cardinality" or "subset": minimality decides, even where there is metrical evidence.
     planarity, order : whether these axioms hold.
-    budget_s : seconds after which a partial answer is given (``proven`` False).
+    budget_s : seconds after which a partial answer is given (``budget_spent``).
 
     Examples
     --------
@@ -113,12 +116,16 @@ def rank_maps(
 def _rank_by_posterior(experience: Experience, best: int, budget_s: float | None) -> RankedMaps:
     from hssh_kb.search import search_maps
 
+    start = time.monotonic()
     found = search_maps(experience, best=best, budget_s=budget_s)
+    spent = budget_s is not None and time.monotonic() - start >= budget_s
     return RankedMaps(
         found.maps,
         "posterior",
         proven=found.proven,
-        inconsistent_from=getattr(found, "inconsistent_from", None),
+        # A visit not explained in time is no visit that cannot be explained.
+        inconsistent_from=None if spent else found.inconsistent_from,
+        budget_spent=spent,
     )
 
 
@@ -147,6 +154,7 @@ def _rank_all(
         consistent=len(found.maps) if found.complete else None,
         proven=found.complete,
         inconsistent_from=found.inconsistent_from,
+        budget_spent=not found.complete,
     )
 
 
@@ -166,6 +174,7 @@ def _rank_by_minimality(
         minimality=minimal,
         proven=found.complete,
         inconsistent_from=found.inconsistent_from,
+        budget_spent=not found.complete,
     )
 
 

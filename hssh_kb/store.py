@@ -180,6 +180,7 @@ def _write_kb(db: sqlite3.Connection, kb: KnowledgeBase) -> None:
             "consistent": ranked.consistent,
             "proven": ranked.proven,
             "inconsistent_from": ranked.inconsistent_from,
+            "budget_spent": ranked.budget_spent,
         },
         "record": asdict(kb.record),
         "experience": {"source": kb.experience.source, "notices": kb.experience.notices},

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from hssh_kb.cli.options import add_budget, parse_count, parse_metres
 from hssh_kb.cli.output import count_noun, print_json, show_progress, tell_notices
 from hssh_kb.errors import InputError, UsageError
+from hssh_kb.files import looks_like_json
 
 if TYPE_CHECKING:
     from hssh_kb.kb import KnowledgeBase
@@ -78,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
         print(_format_build(kb, target))
     if kb.ranked.inconsistent_from is not None:
         return 1
-    return 0 if kb.ranked.proven else 4
+    return 4 if kb.ranked.budget_spent else 0
 
 
 def name_output(source: Path) -> str:
@@ -103,12 +104,9 @@ def _gather_options(args: argparse.Namespace, source: Path) -> dict[str, Any]:
         "resolution_m": args.resolution,
     }
     given = {key: value for key, value in log_only.items() if value is not None}
-    if given:
-        from hssh_kb.build import is_trace
-
-        if is_trace(source):
-            told = " and ".join(f"--{key.removesuffix('_m')}" for key in given)
-            raise UsageError(f"{source} is a trace: {told} would have no effect, they are for logs")
+    if given and looks_like_json(source):
+        told = " and ".join(f"--{key.removesuffix('_m')}" for key in given)
+        raise UsageError(f"{source} is a trace, for which {told} would have no effect")
     return options | given
 
 
@@ -138,8 +136,8 @@ def _format_build(kb: KnowledgeBase, target: Path) -> str:
     if kb.ranked.inconsistent_from is not None:
         at = kb.experience.visit_label(kb.ranked.inconsistent_from)
         lines.append(f"no map holds from {at} on; the maps are those of the visits before it")
-    if not kb.ranked.proven:
-        lines.append("the budget was spent before the best map was proven best (--budget)")
+    if kb.ranked.budget_spent:
+        lines.append("the budget was spent: these are the best maps found so far (--budget)")
     seconds = record.seconds
     if seconds:
         spent = ", ".join(f"{stage} {value:.1f}" for stage, value in seconds.items())

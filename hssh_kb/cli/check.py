@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from hssh_kb.cli.options import add_budget, add_input
-from hssh_kb.cli.output import count_noun, print_json, show_progress, tell_notices, wrap_words
+from hssh_kb.cli.output import print_json, show_progress, tell_notices, wrap_words
+
+if TYPE_CHECKING:
+    from hssh_kb.check import Check
 
 NAME = "check"
 HELP = 'axiom violations, and "why not?"'
@@ -18,7 +22,7 @@ EXAMPLES = """\
   hssh check walk.json --assume v7!=v2         why are they?
   hssh check walk.json --assume v4=v0 --assume v5=v1 --json
 """
-DEFAULT_BUDGET_S = 60.0
+DEFAULT_BUDGET_S = 20.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,23 +55,24 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(document_check(answer))
     else:
-        print("\n".join(_format_check(answer, args.assume, len(experience))))
+        print("\n".join(_format_check(answer)))
+    if answer.status == "budget spent":
+        return 4
     return 0 if answer.consistent else 1
 
 
-def _format_check(answer, assumed: list[str], visits: int) -> list[str]:  # type: ignore[no-untyped-def]  # noqa: ANN001
-    given = f" with {' and '.join(assumed)}" if assumed else ""
-    if answer.consistent:
-        told = count_noun(visits, "visit")
-        return [f"Consistent: at least one map holds for the {told}{given}, no axiom is violated."]
-    lines = [f"Inconsistent{given}: no map satisfies the axioms."]
+def _format_check(answer: Check) -> list[str]:
+    told = [violation.text for violation in answer.violations]
+    lines = [] if answer.text in told else [*wrap_words(answer.text, 92), ""]
     for n, violation in enumerate(answer.violations, 1):
-        lines.append("")
         lines += wrap_words(f"{n}. {violation.text}", 92)
-        lines += [f"   axiom: {violation.axiom} ({violation.source})"]
+        lines += [f"   {line}" for line in wrap_words(f"{violation.axiom}: {violation.source}", 88)]
         if violation.observations:
             lines.append(f"   observations that clash: {', '.join(violation.observations)}")
+        lines.append("")
     if answer.repairs:
-        lines += ["", "Any one of these would mend it, drop:"]
-        lines += [f"  - {' and '.join(map(str, repair))}" for repair in answer.repairs]
-    return lines
+        lines += ["To mend it, any one of these would do:"]
+        lines += [f"  - {'; and '.join(map(str, repair))}" for repair in answer.repairs]
+    if answer.violations and not answer.complete:
+        lines.append("There may be further reasons: they were not all looked for.")
+    return lines[:-1] if lines[-1] == "" else lines

@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the demonstration."""
-    from hssh_kb.demo import run_demo
+    from hssh_kb.demo import describe_demo, run_demo
 
     with show_progress("demo: a drive through the bundled office floor") as report:
         demo = run_demo(Path(args.output), seed=args.seed, progress=report)
@@ -37,5 +37,5 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(demo.document())
     else:
-        print(demo.text())
+        print(describe_demo(demo))
     return 0 if demo.matches_truth else 1

@@ -70,27 +70,30 @@ def main(argv: Sequence[str] | None = None) -> int:
     debug = "--debug" in arguments
     try:
         return _run(arguments)
-    except HsshError as error:
-        tell_error(str(error))
-        code = error.exit_code
     except BrokenPipeError:
         # The reader of our answer went away, as `head` does: no fault of anyone.
         with contextlib.suppress(OSError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except KeyboardInterrupt:
-        tell_error("interrupted; nothing was left half written")
-        code = 130
-    except Exception as error:  # the last line of defence
-        what = " ".join(str(error).split()) or "no message"
-        tell_error(
-            f"this is a fault of hssh, not yours ({type(error).__name__}: {what}); "
-            "please report it with the command and the output of --debug"
-        )
-        code = 70
-    if debug:
-        traceback.print_exc(file=sys.stderr)
-    return code
+    except (Exception, KeyboardInterrupt) as error:  # the last line of defence
+        if debug:
+            traceback.print_exception(error, file=sys.stderr)
+        text, code = _describe_error(error)
+        tell_error(text)
+        return code
+
+
+def _describe_error(error: BaseException) -> tuple[str, int]:
+    """Return one sentence and the exit code."""
+    if isinstance(error, HsshError):
+        return str(error), error.exit_code
+    if isinstance(error, KeyboardInterrupt):
+        return "interrupted; nothing was left half written", 130
+    what = " ".join(str(error).split()) or "no message"
+    return (
+        f"this is a fault of hssh, not yours ({type(error).__name__}: {what}); "
+        "please report it with the command and the output of --debug"
+    ), 70
 
 
 def _run(arguments: Sequence[str]) -> int:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from hssh_kb.cli.options import add_budget, add_input, parse_count
 from hssh_kb.cli.output import (
@@ -14,6 +17,10 @@ from hssh_kb.cli.output import (
     wrap_words,
 )
 from hssh_kb.errors import UsageError
+
+if TYPE_CHECKING:
+    from hssh_kb.experience import Experience
+    from hssh_kb.ranking import MapRow, RankedMaps
 
 NAME = "maps"
 HELP = "ranked map hypotheses of a knowledge base or a trace"
@@ -43,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--no-planarity", action="store_true", help="allow paths to cross anywhere")
     parser.add_argument("--no-order", action="store_true", help="allow circular paths")
-    add_budget(parser, DEFAULT_BUDGET_S)
+    add_budget(parser, None, told=f"{DEFAULT_BUDGET_S:g}")
     parser.add_argument(
         "-v", "--verbose", action="store_true", help="also the terms of each score, and doubts"
     )
@@ -63,8 +70,8 @@ def run(args: argparse.Namespace) -> int:
     experience = stored.experience if stored else load_trace(args.input)
     tell_notices(() if stored else experience.notices)
     if stored and not asked and (not args.best or args.best <= len(stored.hypotheses)):
-        from dataclasses import replace
-
+        if args.budget:
+            raise UsageError("--budget has no effect: these maps are stored, nothing is searched")
         ranked = replace(stored.ranked, maps=stored.hypotheses[: args.best])
     else:
         with show_progress("ranking maps"):
@@ -75,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
                 minimal=args.minimal,
                 planarity=not args.no_planarity,
                 order=not args.no_order,
-                budget_s=args.budget,
+                budget_s=args.budget or DEFAULT_BUDGET_S,
             )
     if args.json:
         print_json(document_maps(experience, ranked))
@@ -83,10 +90,10 @@ def run(args: argparse.Namespace) -> int:
         print(_format_maps(experience, ranked, verbose=args.verbose))
     if ranked.inconsistent_from is not None:
         return 1
-    return 0 if ranked.proven else 4
+    return 4 if ranked.budget_spent else 0
 
 
-def _format_maps(experience, ranked, *, verbose: bool) -> str:  # type: ignore[no-untyped-def]  # noqa: ANN001
+def _format_maps(experience: Experience, ranked: RankedMaps, *, verbose: bool) -> str:
     from hssh_kb.ranking import tabulate_maps
 
     rows = tabulate_maps(experience, ranked)
@@ -113,7 +120,7 @@ def _format_maps(experience, ranked, *, verbose: bool) -> str:  # type: ignore[n
     return "\n".join(lines)
 
 
-def _summarise(experience, ranked, rows) -> str:  # type: ignore[no-untyped-def]  # noqa: ANN001
+def _summarise(experience: Experience, ranked: RankedMaps, rows: Sequence[MapRow]) -> str:
     if ranked.inconsistent_from is not None:
         at = experience.visit_label(ranked.inconsistent_from)
         text = (
@@ -129,12 +136,14 @@ def _summarise(experience, ranked, rows) -> str:  # type: ignore[no-untyped-def]
         text += _say_what_decided(ranked)
     if rows and rows[0].tie > 1:
         text += f" The first {rows[0].tie} tie: nothing that was observed tells them apart."
-    if not ranked.proven:
-        text += " The budget was spent before this was settled: a partial answer (--budget)."
+    if ranked.budget_spent:
+        text += " The budget was spent: this is a partial answer (--budget)."
+    elif not ranked.proven:
+        text += " The search ended without a proof that no other map is better."
     return text
 
 
-def _say_what_decided(ranked) -> str:  # type: ignore[no-untyped-def]  # noqa: ANN001
+def _say_what_decided(ranked: RankedMaps) -> str:
     if ranked.ranked_by == "posterior":
         return "Metrical evidence decided: the map with the highest posterior comes first."
     if ranked.minimality == "subset":
@@ -146,7 +155,7 @@ def _format_number(value: float | None) -> str:
     return "-" if value is None else f"{value:.2f}"
 
 
-def _format_terms(experience, rows) -> list[str]:  # type: ignore[no-untyped-def]  # noqa: ANN001
+def _format_terms(experience: Experience, rows: Sequence[MapRow]) -> list[str]:
     lines = list[str]()
     names = sorted({name for row in rows for name in row.hypothesis.terms})
     if names:

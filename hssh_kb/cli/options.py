@@ -26,9 +26,11 @@ def add_map(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_budget(parser: argparse.ArgumentParser, default_s: float | None) -> None:
-    """Add the time budget."""
-    told = "none" if default_s is None else f"{default_s:g}"
+def add_budget(
+    parser: argparse.ArgumentParser, default_s: float | None, *, told: str | None = None
+) -> None:
+    """Add the time budget; ``told`` is the default as the help text gives it."""
+    told = told or f"{default_s:g}"
     parser.add_argument(
         "--budget",
         metavar="SECONDS",

@@ -90,11 +90,11 @@ def _read_star(args: argparse.Namespace, file: str, target: Path | None) -> dict
     if target is not None:
         import cv2
 
-        from hssh_kb.files import write_bytes
         from perception.draw import draw_topology
+        from perception.files import write_atomically
 
         png = cv2.imencode(".png", draw_topology(image, topology))[1]
-        write_bytes(target, png.tobytes())
+        write_atomically(target, png.tobytes())
     return topology_to_data(topology, file)
 
 
