@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator
 
@@ -21,7 +22,7 @@ _HEADER = (
 
 
 def write_carmen(
-    path: str | os.PathLike[str], log: ScanLog, *, max_range_m: float = 30.0, host: str = "hssh"
+    path: str | os.PathLike[str], log: ScanLog, *, max_range_m: float | None = None, host: str = "hssh"
 ) -> None:
     """Write a scan log as a raw CARMEN log: PARAM, ODOM and FLASER lines, atomically.
 
@@ -33,7 +34,8 @@ def write_carmen(
     ----------
     path : the file to write, plain text.
     log : a log with odometry.
-    max_range_m : written where there was no return; returns at or beyond it are written so too.
+    max_range_m : written where there was no return; returns near or beyond it are written so
+        too. Unless told, 50 m, or more where there are farther returns.
     host : name of the robot's computer, one word.
 
     Raises
@@ -44,6 +46,9 @@ def write_carmen(
         raise InputError(f"{log.source}: a CARMEN log needs scans and raw odometry to be written")
     if not host or len(host.split()) != 1:
         raise InputError(f"host={host!r}: expected one word")
+    if max_range_m is None:
+        farthest = float(np.nanmax(log.ranges_m, initial=0.0))
+        max_range_m = max(50.0, math.ceil(1.05 * farthest))
     text = "\n".join(_write_lines(log, log.odometry, max_range_m, host)) + "\n"
     write_atomically(path, text.encode())
 
@@ -70,7 +75,6 @@ def _write_lines(log: ScanLog, odometry: Array, max_range_m: float, host: str) -
         f"{max_range_m:g} 0.01 0 {beams} "
     )
     tail = "" if is_flaser else "0.000000 0.000000 0.0 0.0 0.0 "
-    # Rounded first: a return just below the maximum must not be written as the maximum.
     ranges = np.where(
         np.isfinite(log.ranges_m) & (log.ranges_m < max_range_m), log.ranges_m, max_range_m
     )

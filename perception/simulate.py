@@ -27,14 +27,15 @@ class Lidar:
     ----------
     fov_deg : field of view, up to 360.
     beams : number of beams; those at both ends of the field of view are included.
-    max_range_m : nothing farther gives a return.
+    max_range_m : nothing farther gives a return; the default is that of the scanners in most
+        public logs.
     noise_m : standard deviation of a range.
     dropout : share of returns that are lost.
     """
 
     fov_deg: float = 180.0
     beams: int = 361
-    max_range_m: float = 30.0
+    max_range_m: float = 50.0
     noise_m: float = 0.015
     dropout: float = 0.002
 
