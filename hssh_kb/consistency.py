@@ -1,4 +1,4 @@
-"""The incremental judge: is a growing map still consistent with the axioms?
+"""The incremental judge: tells whether a growing map is still consistent with the axioms.
 
 Plain Python beside the logic program, for the search over the tree of maps: one
 :class:`MapState` holds what a map asserts (which gateway leads to which, the paths, the
@@ -80,6 +80,10 @@ class MapState:
         """Return (place, gateway) that the gateway ``depart`` is known to lead to, else None."""
         code = self.joined.get(place * _BASE + depart)
         return None if code is None else divmod(code, _BASE)
+
+    def find_travel(self, place: int, depart: int) -> int:
+        """Return the visit that the first travel through a gateway led to, -1 if none yet."""
+        return self.travel.get(place * _BASE + depart, -1)
 
     def find_refusal(
         self,

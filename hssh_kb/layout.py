@@ -21,7 +21,10 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from hssh_kb.errors import InputError, NoAnswerError
-from perception.geometry import wrap_angle
+from hssh_kb.experience import Displacement, Experience
+from hssh_kb.hypothesis import Hypothesis
+from hssh_kb.score import Score, estimate_score
+from perception.geometry import compose, compose_covariance, invert, wrap_angle
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -124,6 +127,116 @@ def lay_out(
         problem = _Problem(n, i, j, z, w)
         start = _start_chordal(problem)
         return _run_gauss_newton(problem, start, max_iterations, tolerance)
+
+
+def lay_out_hypothesis(
+    experience: Experience, hypothesis: Hypothesis, *, score: Score | None = None
+) -> Layout:
+    """Lay out the places of a hypothesis: chi.
+
+    Each travel is an edge between the places at its two ends. The frame of a visit is turned into
+    the frame of its place by the headings of the matched dlps; without headings the two frames
+    are one (``frames="shared"``), or each visit after the first gets its own heading
+    (``frames="free"``). A travel without displacement holds its ends together only weakly.
+
+    Parameters
+    ----------
+    experience, hypothesis : the hypothesis may explain only the first visits.
+    score : its ``frames`` and noise scales are used; estimated if not given.
+
+    Returns
+    -------
+    Layout : poses of the places in the order of ``hypothesis.places``, metres and radians, in the
+        frame of the first visit.
+
+    Source
+    ------
+    Beeson 2008, sections 9.3.1 and 9.3.2.
+    """
+    score = score or estimate_score(experience)
+    count = len(hypothesis.visits)
+    turns = [_turn_of_visit(experience, hypothesis, v, score) for v in range(count)]
+    # A visit whose turn is unknown is a node of its own, tied to its place by position.
+    node, nodes = {}, len(hypothesis.places)
+    number = {first: i for i, first in enumerate(hypothesis.places)}
+    for v in range(count):
+        if np.isinf(turns[v][1]):
+            node[v], nodes = nodes, nodes + 1
+        else:
+            node[v] = number[hypothesis.visits[v]]
+    i, j, z, cov = list[int](), list[int](), list[Array](), list[Array]()
+    for v in range(1, count):
+        displacement = experience.visits[v].displacement or _guess_displacement(score)
+        measured, spread = _turn_edge(displacement, turns[v - 1], turns[v], score)
+        i.append(node[v - 1])
+        j.append(node[v])
+        z.append(measured)
+        cov.append(spread)
+    information = list(np.linalg.inv(np.array(cov))) if cov else []
+    tie = 1 / max(score.spread_m, 1e-3 * score.length_m) ** 2
+    for v in range(count):
+        if np.isinf(turns[v][1]):
+            i.append(number[hypothesis.visits[v]])
+            j.append(node[v])
+            z.append(np.zeros(3))
+            information.append(np.diag([tie, tie, 0.0]))
+    laid = lay_out(nodes, i, j, z, information)
+    return _keep_nodes(laid, len(hypothesis.places))
+
+
+def _turn_of_visit(
+    experience: Experience, hypothesis: Hypothesis, v: int, score: Score
+) -> tuple[float, float]:
+    """Return the turn [rad] of the frame of a visit in that of its place, and its variance."""
+    first = hypothesis.visits[v]
+    if first == v:
+        return 0.0, 0.0
+    mine, theirs = hypothesis.reading(experience, v), hypothesis.reading(experience, first)
+    turn, var, _ = score.match_headings(
+        theirs.headings, mine.headings, hypothesis.offsets[v], mine.star.alpha
+    )
+    return turn, var
+
+
+def _guess_displacement(score: Score) -> Displacement:
+    far = (10 * score.length_m) ** 2
+    return Displacement(0.0, 0.0, 0.0, ((far, 0.0, 0.0), (0.0, far, 0.0), (0.0, 0.0, 10.0)))
+
+
+def _turn_edge(
+    displacement: Displacement,
+    start: tuple[float, float],
+    end: tuple[float, float],
+    score: Score,
+) -> tuple[Array, Array]:
+    """Carry a displacement between visits over to the frames of their places."""
+    z = np.array([displacement.x, displacement.y, displacement.theta])
+    cov = np.array(displacement.cov)
+    for turn, var, before in ((*start, True), (*end, False)):
+        if var == 0.0 or np.isinf(var):
+            continue
+        rotation = np.array([0.0, 0.0, turn])
+        spread = np.diag([score.spread_m**2, score.spread_m**2, var])
+        if before:
+            cov = compose_covariance(rotation, spread, z, cov)
+            z = compose(rotation, z)
+        else:
+            back = invert(rotation)
+            cov = compose_covariance(z, cov, back, spread)
+            z = compose(z, back)
+    return z, cov + 1e-12 * np.eye(3)
+
+
+def _keep_nodes(layout: Layout, n: int) -> Layout:
+    """Return the layout of the first n nodes, the others summed out."""
+    if len(layout.poses) == n:
+        return layout
+    information = layout.information
+    full = information.toarray() if sp.issparse(information) else np.asarray(information)
+    cut = 3 * (n - 1)
+    rest = full[cut:, cut:]
+    kept = full[:cut, :cut] - full[:cut, cut:] @ la.solve(rest, full[cut:, :cut], assume_a="pos")
+    return Layout(layout.poses[:n], layout.chi2, layout.iterations, kept)
 
 
 def _check_edges(

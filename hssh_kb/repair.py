@@ -1,0 +1,141 @@
+"""Repairs: when the axioms refuse a closure that the displacements call for, change their mind.
+
+A refusal names the travels and the readings it rests on. A repair takes a map, doubts one of
+those travels or reads a place by another of its stars, and carries the rest of the map over
+unchanged; so a refuted favourite gives way to its nearest consistent relative at once,
+instead of after thousands of leaves that share its mistake.
+
+Source: ours.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from hssh_kb.map_tree import Decision, MapTree, Node, Option
+
+_WORTH_NATS = 4.0
+_MOST_TRAVELS = 6
+
+
+@dataclass(frozen=True)
+class Repair:
+    """A map to be made from another by changing one earlier decision.
+
+    Attributes
+    ----------
+    donor : the map to change.
+    doubt : travel to doubt, or -1.
+    place, reading : place to read anew and as what, or -1.
+    decision : how to take the visit after the donor, offset and reading to be found anew if
+        the place was read anew.
+    estimate : log posterior to expect.
+    """
+
+    donor: Node
+    doubt: int
+    place: int
+    reading: int
+    decision: Decision
+    estimate: float
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """What tells this repair from others."""
+        return self.donor.serial, self.doubt, self.place, self.reading, self.decision
+
+    def carry_out(self, tree: MapTree) -> Node | None:
+        """Return the repaired map after the visit that called for it; None if it cannot stand."""
+        chain = self.donor.chain()[1:]
+        node: Node | None = chain[0].parent
+        first = next((one.visit for one in chain if one.decision.place == self.place), -1)
+        for one in chain:
+            if node is None:
+                return None
+            node = self._take(tree, node, one.visit, one.decision, first)
+        if node is None:
+            return None
+        return self._take(tree, node, self.donor.visit + 1, self.decision, first)
+
+    def _take(
+        self, tree: MapTree, node: Node, v: int, decision: Decision, first: int
+    ) -> Node | None:
+        """Return the node after one more visit, as in the donor but for the change."""
+        if v == first:
+            decision = decision._replace(reading=self.reading)
+        elif v == self.doubt:
+            decision = decision._replace(doubted=True)
+        if v == 0:
+            if node.children is None:
+                return None
+            return node.children.get(decision)
+        known = node.children.get(decision) if node.children else None
+        changed = self.place >= 0 and decision.place == self.place and v != first
+        if known is not None and not changed:
+            return known
+        best: Option | None = None
+        for choice in self._choices(tree, v, first, decision) if changed else (decision,):
+            option = tree.weigh(node, choice)
+            if option is not None and option.refusal is None:
+                worth = sum(option.addends)
+                if best is None or worth > sum(best.addends):
+                    best = option
+        return None if best is None else tree.child(node, best)
+
+    def _choices(self, tree: MapTree, v: int, first: int, decision: Decision) -> Iterator[Decision]:
+        for i in range(len(tree.visits[v].readings)):
+            for offset in tree.isomorphisms(v, i, first, self.reading):
+                yield Decision(decision.place, offset, i, decision.doubted)
+
+
+def propose_repairs(
+    tree: MapTree, node: Node, options: Iterable[Option], best: float
+) -> Iterator[Repair]:
+    """Yield the repairs that a map's refused ways to take the next visit call for.
+
+    Parameters
+    ----------
+    tree, node : the map.
+    options : the ways, refused ones among them.
+    best : what the best way that is not refused adds to the score.
+    """
+    slip = tree.score.slip
+    price = math.log(slip) - math.log1p(-slip) if slip else -math.inf
+    for option in options:
+        worth = sum(option.addends)
+        if option.refusal is None or worth + price < best - _WORTH_NATS or not slip:
+            continue
+        for travel in option.refusal.travels[-_MOST_TRAVELS:]:
+            estimate = node.score + worth + price
+            yield Repair(node, travel, -1, -1, option.decision, estimate)
+    yield from _propose_readings(tree, node, best)
+
+
+def _propose_readings(tree: MapTree, node: Node, best: float) -> Iterator[Repair]:
+    """Yield the repairs that read a place anew so that the next visit can be it."""
+    state, v = tree.state_of(node), node.visit + 1
+    if all(len(visit.readings) == 1 for visit in tree.visits):
+        return
+    prediction = tree.predict(state, v)
+    for place, first in enumerate(state.firsts):
+        current = state.place_readings[place]
+        others = [j for j in range(len(tree.visits[first].readings)) if j != current]
+        if not others:
+            continue
+        innovation = prediction.measure(place, 0.0)
+        layout = tree.score.weigh_closure(prediction, innovation, math.inf)[0]
+        if layout < best - 2 * _WORTH_NATS:
+            continue
+        told = {tree.visits[first].readings[j].weight: j for j in others}
+        for weight, j in sorted(told.items(), reverse=True):
+            swap = math.log(weight / tree.visits[first].readings[current].weight)
+            for i, reading in enumerate(tree.visits[v].readings):
+                if not tree.isomorphisms(v, i, first, j):
+                    continue
+                if tree.isomorphisms(v, i, first, current) and swap < 0:
+                    continue
+                estimate = node.score + layout + swap + math.log(reading.weight)
+                yield Repair(node, -1, place, j, Decision(place, 0, i, False), estimate)
+                break

@@ -1,0 +1,258 @@
+"""The posterior score of a map: every addend of its log posterior, by name, with its units.
+
+The layout counts by *normalised densities*: a closure has the density of its innovation, a new
+place has the density of places, one per ``area_m2``. A bare chi-square with a price per place
+would make thousands of maps nearly equal and reward wrong closures when the drift is large.
+
+Source: Beeson 2008, sections 9.2 and 10.1.2 (posterior over maps); the terms are ours.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hssh_kb.errors import InputError
+from hssh_kb.experience import Experience
+from hssh_kb.place_filter import Array, Innovation, Prediction
+
+TERMS = ("layout", "heading", "exclusion", "readings", "places", "doubts")
+_LOG_2PI = math.log(2 * math.pi)
+_ROOT_HALF = math.sqrt(0.5)
+
+
+class Addends(NamedTuple):
+    """What one visit adds to the log posterior; see :class:`Score`."""
+
+    layout: float
+    heading: float
+    exclusion: float
+    readings: float
+    places: float
+    doubts: float
+
+
+@dataclass(frozen=True)
+class Score:
+    """The parameters of the log posterior.
+
+    Attributes
+    ----------
+    area_m2 : area per place, m2: a new place has the density 1 / area_m2.
+    spacing_m : two distinct places lie at least this far apart, m.
+    length_m : typical length of a travel, m.
+    spread_m : standard deviation between the origins of two visits to one place, m, per axis.
+    dlp_heading_rad : standard deviation of the heading of one dlp as seen at a visit, rad.
+    frame_heading_rad : standard deviation of the heading of a visit about its place where both
+        share a frame, rad.
+    frames : how the frame of a visit is turned against its place where readings carry no
+        headings: ``"shared"`` (they are one frame, as the definition of lambda has it) or
+        ``"free"`` (unknown; closures then speak of positions only).
+    bearing_rad : standard deviation of the direction of a travel against an evenly spaced
+        star, rad; used only where readings carry no headings.
+    outlier : share of closures whose innovation is three times as wide as it should be.
+    floor : no single doubt about one visit (heading, exclusion) costs more than this (< 0).
+    place_prior : log prior of each place beyond the first (<= 0).
+    slip : probability that a place goes unnoticed during one travel.
+    """
+
+    area_m2: float = 1.0
+    spacing_m: float = 0.5
+    length_m: float = 1.0
+    spread_m: float = 0.0
+    dlp_heading_rad: float = math.radians(5.0)
+    frame_heading_rad: float = 1e-3
+    frames: str = "shared"
+    bearing_rad: float = 0.4
+    outlier: float = 0.0
+    floor: float = -10.0
+    place_prior: float = 0.0
+    slip: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("area_m2", "spacing_m", "length_m", "bearing_rad", "dlp_heading_rad"):
+            if not getattr(self, name) > 0:
+                raise InputError(f"score: {name} must be positive, got {getattr(self, name)!r}")
+        if self.frames not in ("shared", "free"):
+            raise InputError(f"score: frames must be 'shared' or 'free', got {self.frames!r}")
+        if not 0 <= self.slip < 1 or not 0 <= self.outlier < 1:
+            raise InputError("score: slip and outlier are probabilities below 1")
+
+    def weigh_new(self, prediction: Prediction, gap: Array, spread: Array) -> tuple[float, float]:
+        """Return the layout and exclusion addends of a new place.
+
+        Parameters
+        ----------
+        prediction : where the visit is.
+        gap, spread : offsets from all places and their covariances, from ``measure_all``.
+        """
+        layout = -math.log(self.area_m2)
+        if prediction.unknown:
+            return layout, 0.0
+        reach = self.spacing_m + 4 * np.sqrt(spread[:, 0, 0] + spread[:, 1, 1])
+        near = np.flatnonzero(gap[:, 0] ** 2 + gap[:, 1] ** 2 < reach**2)
+        exclusion = 0.0
+        for i in near.tolist():
+            exclusion += self._weigh_exclusion(gap[i].tolist(), spread[i].tolist())
+        return layout, max(exclusion, self.floor)
+
+    def _weigh_exclusion(self, gap: list[float], cov: list[list[float]]) -> float:
+        """Return log P(not within spacing_m), the disc taken as a square of equal area."""
+        extra = 2 * self.spread_m**2 + 1e-12
+        a, b, d = cov[0][0] + extra, cov[0][1], cov[1][1] + extra
+        turn = 0.5 * math.atan2(2 * b, a - d)
+        c, s = math.cos(turn), math.sin(turn)
+        half = self.spacing_m * math.sqrt(math.pi) / 2
+        chance = 1.0
+        for along, var in (
+            (c * gap[0] + s * gap[1], c * c * a + 2 * c * s * b + s * s * d),
+            (-s * gap[0] + c * gap[1], s * s * a - 2 * c * s * b + c * c * d),
+        ):
+            scale = _ROOT_HALF / math.sqrt(max(var, 1e-12))
+            chance *= 0.5 * (math.erf((along + half) * scale) - math.erf((along - half) * scale))
+        return math.log(max(1 - chance, math.exp(self.floor)))
+
+    def weigh_closure(
+        self, prediction: Prediction, innovation: Innovation, turn_var: float
+    ) -> tuple[float, float, tuple[float, float, float]]:
+        """Return the layout and heading addends of a closure, and the noise to close with.
+
+        Agreement of headings never speaks for a closure (all places of a building share a few
+        headings), disagreement speaks against it.
+
+        Parameters
+        ----------
+        prediction, innovation : of the visit at the place.
+        turn_var : variance [rad2] of the turn between the frames of visit and place; infinite
+            if it is unknown.
+        """
+        if prediction.unknown:
+            free = (self.spread_m**2 + 1e-9, self.spread_m**2 + 1e-9, turn_var)
+            return -math.log(self.area_m2), 0.0, free
+        (a, b, e), (_, d, f), (_, _, g) = innovation.cov
+        x, y, t = innovation.residual
+        extra = self.spread_m**2 + 1e-12
+        a, d = a + extra, d + extra
+        det = max(a * d - b * b, 1e-24)
+        chi2 = (d * x * x - 2 * b * x * y + a * y * y) / det
+        layout, wide = self._weigh_innovation(chi2, det)
+        grow = 8.0 if wide else 0.0
+        noise_x, noise_y = extra + grow * a, extra + grow * d
+        if math.isinf(turn_var):
+            return layout, 0.0, (noise_x, noise_y, math.inf)
+        p, q = (d * e - b * f) / det, (a * f - b * e) / det
+        var = max(g + turn_var - p * e - q * f, 1e-12)
+        left = t - p * x - q * y
+        heading = -0.5 * left * left / var
+        if heading < self.floor:
+            return layout, self.floor, (noise_x, noise_y, math.inf)
+        return layout, heading, (noise_x, noise_y, turn_var)
+
+    def _weigh_innovation(self, chi2: float, det: float) -> tuple[float, bool]:
+        """Return the log density, and whether the wide part of the mixture explains it better."""
+        plain = -0.5 * chi2 - _LOG_2PI - 0.5 * math.log(det)
+        if not self.outlier:
+            return plain, False
+        inner = math.log1p(-self.outlier) + plain
+        outer = math.log(self.outlier / 9) - chi2 / 18 - _LOG_2PI - 0.5 * math.log(det)
+        top = max(inner, outer)
+        return top + math.log(math.exp(inner - top) + math.exp(outer - top)), outer > inner
+
+    def bound_travel(self, cov: Sequence[Sequence[float]] | None) -> float:
+        """Return the most that one travel can ever add to the layout term (a safe bound).
+
+        No innovation is narrower than the displacement it comes from.
+        """
+        new = -math.log(self.area_m2)
+        if cov is None:
+            return new
+        extra = self.spread_m**2
+        det = (cov[0][0] + extra) * (cov[1][1] + extra) - cov[0][1] ** 2
+        return max(new, -_LOG_2PI - 0.5 * math.log(max(det, 1e-24)))
+
+    def match_headings(
+        self,
+        at_place: Sequence[float],
+        at_visit: Sequence[float],
+        offset: int,
+        alpha: Sequence[int],
+    ) -> tuple[float, float, float]:
+        """Return the turn of the visit's frame in the place's, its variance, and the misfit.
+
+        Parameters
+        ----------
+        at_place, at_visit : headings [rad] of the dlps, each in its own frame; if either is
+            empty the turn is 0 (shared frames) or unknown (free frames).
+        offset : dlp k of the visit is dlp (k + offset) mod m of the place.
+        alpha : of the dlps of the visit; only headings of dlps with a gateway are compared
+            (of the others only the opposite was seen), unless there is none.
+
+        Returns
+        -------
+        turn_rad, variance, misfit : the misfit (<= 0) is the part of the disagreement of
+            the headings that no turn explains.
+        """
+        size = len(at_visit)
+        if not size or len(at_place) != size:
+            var = self.frame_heading_rad**2 if self.frames == "shared" else math.inf
+            return 0.0, var, 0.0
+        seen = [k for k in range(size) if alpha[k]] or range(size)
+        turns = [at_place[(k + offset) % size] - at_visit[k] for k in seen]
+        turn = math.atan2(sum(map(math.sin, turns)), sum(map(math.cos, turns)))
+        var = 2 * self.dlp_heading_rad**2
+        rest = 0.0
+        for one in turns:
+            left = (one - turn + math.pi) % (2 * math.pi) - math.pi
+            rest += left * left
+        return turn, var / len(turns), max(-0.5 * rest / var, 0.6 * self.floor)
+
+    def weigh_bearing(self, known: complex, seen: complex) -> float:
+        """Return the addend (<= 0) for the direction of a travel at a place.
+
+        Parameters
+        ----------
+        known : sum of the unit vectors of the star's direction as told by earlier travels
+            (0 if none).
+        seen : unit vector told by this travel.
+        """
+        if abs(known) < 1e-9:
+            return 0.0
+        turn = seen * known.conjugate()
+        off = math.atan2(turn.imag, turn.real) / self.bearing_rad
+        return max(-0.5 * off * off, 0.4 * self.floor)
+
+
+def estimate_score(experience: Experience, **overrides: Any) -> Score:  # noqa: ANN401
+    """Return the score whose scales fit an experience.
+
+    The area per place is the square of the median travel, the spacing half of a short travel
+    (5th percentile). Where the experience admits slips (a robot's log), origins of visits
+    spread by 0.3 m (at most a tenth of the median travel) and one closure in twenty is an
+    outlier. Without headings the frames are taken to be shared if no travel turns
+    by more than 0.5 rad (frames that all point one way), else to be free.
+
+    Parameters
+    ----------
+    experience : whose displacements are looked at.
+    overrides : values of :class:`Score` to use instead.
+
+    Source
+    ------
+    Ours.
+    """
+    moves = [v.displacement for v in experience.visits if v.displacement is not None]
+    lengths = sorted(m for m in (math.hypot(d.x, d.y) for d in moves) if m > 0)
+    values: dict[str, Any] = {"slip": experience.slip}
+    if lengths:
+        median = lengths[len(lengths) // 2]
+        short = lengths[len(lengths) // 20]
+        values |= {"length_m": median, "area_m2": median**2, "spacing_m": 0.5 * short}
+        if experience.slip > 0:
+            values |= {"spread_m": min(0.3, 0.1 * median), "outlier": 0.05}
+    turned = [abs((d.theta + math.pi) % (2 * math.pi) - math.pi) for d in moves]
+    values["frames"] = "shared" if max(turned, default=0.0) <= 0.5 else "free"
+    return Score(**(values | overrides))
