@@ -14,7 +14,7 @@ import numpy as np
 from perception.errors import InputError
 from perception.geometry import Array, between, compose, compose_covariance
 from perception.matching import Match, match_scan
-from perception.motion import MotionModel, OdometryFit
+from perception.motion import MotionModel, OdometryFit, SteadyMotion
 from perception.scanlog import ScanLog
 from perception.submap import Submap
 from perception.surfaces import Surface, fit_normals
@@ -26,8 +26,8 @@ WEAK_SCORE = 0.6
 """Where a smaller share of the scan than this lies on the submap, the search goes further."""
 WIDE_WINDOWS = ((0.8, 0.6), (0.8, 2.0))
 """Half widths of those searches, metres and radians: slipping wheels, lost odometry."""
-BLIND_WINDOW = (1.4, 0.8)
-"""Half widths of the search where there is no odometry."""
+WIDEST = (1.5, 1.2)
+"""Largest half widths of the first search, metres and radians."""
 
 
 def localise(
@@ -86,8 +86,8 @@ class _Tracker:
             self._keys,
             self._spreads,
         )
-        self._model, self._odometry = model, odometry
-        self._fit = OdometryFit(model)
+        self._odometry = odometry
+        self._fit, self._steady = OdometryFit(model), SteadyMotion(model)
         self._submap = Submap(travel_m)
         self._key = 0
 
@@ -110,6 +110,9 @@ class _Tracker:
         drive.step_covariances[k] = _fuse(trust, _turn(posterior + known, -held[2]))
         if k - 1 == key or not found.ok:
             drive.step_covariances[k] = trust if not found.ok else _turn(posterior, -held[2])
+        if found.ok and self._odometry is None:
+            share = 1.0 - np.diag(drive.step_covariances[k]) / np.diag(trust)
+            self._steady.learn(between(last, found.pose), share)
         if self._submap.add(scan, found.pose):
             self._learn(k)
             self._key = k
@@ -117,18 +120,20 @@ class _Tracker:
     def _predict(self, k: int) -> tuple[Array, Array]:
         """Return the step (3,) from scan k - 1 that odometry tells, and its covariance."""
         if self._odometry is None:
-            return np.zeros(3), np.diag(self._model.blind) ** 2
+            return self._steady.correct(), self._steady.predict()
         step = between(self._odometry[k - 1], self._odometry[k])
         return self._fit.correct(step), self._fit.predict(step)
 
     def _match(self, scan: Surface, guess: Array, prior: Array) -> Match:
         """Match a scan near the guess; look further afield where that finds little."""
         reference = self._submap.make_reference()
-        if self._odometry is None:
-            return match_scan(scan, reference, guess, prior, window=BLIND_WINDOW)
         deviations = np.sqrt(np.diag(prior))
-        window = (max(0.1, 3 * deviations[:2].max()), max(0.06, 3 * deviations[2]))
-        found = match_scan(scan, reference, guess, prior, window=window, eager=True)
+        window = (
+            float(np.clip(3 * deviations[:2].max(), 0.1, WIDEST[0])),
+            float(np.clip(3 * deviations[2], 0.06, WIDEST[1])),
+        )
+        eager = self._odometry is not None
+        found = match_scan(scan, reference, guess, prior, window=window, eager=eager)
         for wide in WIDE_WINDOWS:
             if found.ok and found.score > WEAK_SCORE:
                 break

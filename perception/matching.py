@@ -92,12 +92,9 @@ def match_scan(
     """
     scan = points if isinstance(points, Surface) else fit_normals(points)
     known = reference if isinstance(reference, Reference) else _make_reference(reference)
-    start = np.asarray(guess, float)
     if covariance is None:
         covariance = np.diag([window[0] / 2, window[0] / 2, window[1] / 2]) ** 2
-    prior = np.asarray(covariance, float)
-    if start.shape != (3,) or prior.shape != (3, 3) or not np.isfinite(start).all():
-        raise InputError("match_scan: guess must be a finite (3,) pose, covariance (3, 3)")
+    start, prior = _check_guess(guess, covariance)
     miss = Match(start, prior, 0.0, False)
     if len(scan) < MIN_POINTS or len(known.lines) < MIN_POINTS:
         return miss
@@ -255,6 +252,19 @@ def _measure_offset(pose: Array, guess: Array, covariance: Array) -> float:
     offset = pose - guess
     offset[2] = wrap_angle(offset[2])
     return float(offset @ np.linalg.solve(covariance, offset))
+
+
+def _check_guess(guess: Any, covariance: Any) -> tuple[Array, Array]:  # noqa: ANN401
+    pose, spread = np.asarray(guess, float), np.asarray(covariance, float)
+    if pose.shape != (3,) or not np.isfinite(pose).all():
+        raise InputError(f"match_scan: guess must be a finite pose (3,), found {pose.tolist()}")
+    sound = spread.shape == (3, 3) and np.isfinite(spread).all()
+    if not sound or np.linalg.eigvalsh(spread).min() <= 0:
+        raise InputError(
+            "match_scan: covariance must be (3, 3), finite and positive definite, "
+            f"found {spread.tolist()}; widen it if the guess is exact"
+        )
+    return pose, spread
 
 
 def _make_reference(reference: Any) -> Reference:  # noqa: ANN401

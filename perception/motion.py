@@ -17,6 +17,8 @@ GAIN_DEVIATION = 0.05
 """Standard deviation of the systematic errors to be learnt: m or rad, per metre or radian."""
 SPREAD_LIMITS = (0.25, 9.0)
 """Least and largest factor by which the variances of the model are scaled to the errors met."""
+BLIND_LIMITS = (0.01, 2.0)
+"""The same, for the guess without odometry."""
 SLIP = 25.0
 """Squared normalised error from which a step is a slip, which teaches nothing."""
 
@@ -109,3 +111,42 @@ class OdometryFit:
             self._products[k] *= 1.0 - fade
             self._moments[k] += np.outer(features, features) / variance[k]
             self._products[k] += features * (raw[k] / variance[k])
+
+
+@dataclass
+class SteadyMotion:
+    """What to expect without odometry: the robot goes on as fast as in the last step.
+
+    How far this is off, as far as the scans tell, sets how far to search.
+
+    Attributes
+    ----------
+    model : where the trust starts.
+    memory_steps : over how many steps the errors are averaged, about.
+
+    Source
+    ------
+    Ours; the constant-velocity guess is common in lidar odometry.
+    """
+
+    model: MotionModel
+    memory_steps: float = 20.0
+    _speed: float = 0.0
+    _spread: Array = field(default_factory=lambda: np.ones(3))
+
+    def correct(self) -> Array:
+        """Return the step (3,) to expect."""
+        return np.array([self._speed, 0.0, 0.0])
+
+    def predict(self) -> Array:
+        """Return its covariance (3, 3)."""
+        return np.diag(np.square(self.model.blind) * np.clip(self._spread, *BLIND_LIMITS))
+
+    def learn(self, measured: Array, share: Array) -> None:
+        """Take in a step (3,) and the share of each component that the scans determined."""
+        surprise = (measured - self.correct()) ** 2 / np.square(self.model.blind)
+        known = share > 0.5
+        change = surprise / np.maximum(share, 0.5) ** 2 - self._spread
+        self._spread = self._spread + np.where(known, change / self.memory_steps, 0.0)
+        if known[0]:
+            self._speed = float(measured[0])

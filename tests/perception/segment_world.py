@@ -32,7 +32,8 @@ def scan_points(walls, pose, rng, angles=HALF_TURN, noise_m=0.01, reach_m=30.0):
     ranges = cast(walls, pose, angles, reach_m)
     ranges = ranges + noise_m * rng.standard_normal(len(ranges))
     keep = np.isfinite(ranges)
-    return np.column_stack([ranges * np.cos(angles), ranges * np.sin(angles)])[keep]
+    ranges, angles = ranges[keep], angles[keep]
+    return np.column_stack([ranges * np.cos(angles), ranges * np.sin(angles)])
 
 
 def follow(corners, step_m=0.5, step_rad=0.3):
