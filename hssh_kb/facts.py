@@ -64,14 +64,30 @@ def _reading_facts(v: int, r: int, reading: Reading) -> Iterator[str]:
         yield f"departs({v},{r},{reading.depart})."
 
 
+def candidate_facts(experience: Experience, visits: int | None = None) -> str:
+    """Return what ``axioms/tight.lp`` derives: where each visit may be, by its star alone."""
+    count = len(experience) if visits is None else visits
+    facts = []
+    for v in range(count):
+        for p in range(v):
+            turns = {
+                r
+                for one in experience.visits[v].readings
+                for other in experience.visits[p].readings
+                for r in one.star.isomorphisms(other.star)
+            }
+            facts += [f"candidate({v},{p},{r})." for r in sorted(turns)]
+    return " ".join(facts) + "\n"
+
+
 def write_instance(experience: Experience) -> str:
     """Return a stand-alone ``.lp`` instance, to be run with the axiom files by stock clingo."""
     head = [
         f"% Experience of {len(experience)} visits"
         + (f" from {experience.source}" if experience.source else ""),
-        "% All maps:  python -m clingo AXIOMS/strict.lp THIS_FILE 0",
-        "% Best maps: python -m clingo AXIOMS/best.lp THIS_FILE 0 --opt-mode=optN --quiet=1",
-        "% where AXIOMS is the directory that `hssh axioms` names.",
+        "% All maps:  python -m clingo AXIOMS/all_maps.lp THIS_FILE 0",
+        "% Best maps: python -m clingo AXIOMS/best_maps.lp THIS_FILE 0 --opt-mode=optN --quiet=1",
+        "% where AXIOMS is the directory of the axioms; its README.md says more.",
     ]
     head += [
         f"% visit {v} is called {visit.name!r}"

@@ -8,14 +8,16 @@ from dataclasses import dataclass
 
 from hssh_kb.errors import UsageError
 from hssh_kb.experience import Experience
-from hssh_kb.facts import experience_to_facts
+from hssh_kb.facts import candidate_facts, experience_to_facts
 from hssh_kb.hypothesis import Hypothesis
+from hssh_kb.planarity import make_planarity_test
 from hssh_kb.solver import Symbol, is_satisfiable, solve_all, solve_best, solve_minimal
 from hssh_kb.theory import axiom_program, policy_levels, policy_program, read_programs
 
 Dstate = tuple[int, int]
 _CORE = ("experience", "generate", "map", "connected", "modes/strict", "show")
-_ALWAYS = ("star_isomorphism", "travel_function", "reversibility")
+_QUICK = ("--heuristic=None",)
+"""When all maps are wanted, deciding in the order of time never runs into a conflict."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ def strict_program(
     order: bool = True,
     planarity: bool = True,
     visits: int | None = None,
-    wide: bool = False,
+    generator: str = "given",
     further: Sequence[str] = (),
 ) -> str:
     """Return the program whose models are the consistent maps of the first visits.
@@ -53,16 +55,24 @@ def strict_program(
     experience : what was lived through.
     order, planarity : whether these axioms are loaded.
     visits : how many visits; all by default.
-    wide : take the generator that hides no axiom instead of the tight one; same maps, slower.
+    generator : "wide" hides no axiom; "tight" has star isomorphism built in; "given" is the tight
+        one worked out beforehand. All give the same maps, the last soonest.
     further : names of further files.
     """
-    names = [*_CORE, "wide" if wide else "tight", *map(axiom_program, _ALWAYS)]
+    names = list(_CORE)
+    facts = experience_to_facts(experience, range(len(experience) if visits is None else visits))
+    if generator == "given":
+        facts += candidate_facts(experience, visits)
+    else:
+        names.append(generator)
+    if generator != "given" or _has_alternatives(experience):
+        names.append(axiom_program("star_isomorphism"))
+    names += map(axiom_program, ("travel_function", "reversibility"))
     if order:
         names.append(axiom_program("order_irreflexive"))
     if planarity:
         names.append(axiom_program("planarity"))
-    count = len(experience) if visits is None else visits
-    return read_programs([*names, *further]) + experience_to_facts(experience, range(count))
+    return read_programs([*names, *further]) + facts
 
 
 def enumerate_maps(
@@ -223,21 +233,31 @@ def _enumerate(
     limit: int | None,
     budget_s: float | None,
 ) -> Enumeration:
-    program = strict_program(experience, order=order, planarity=planarity, visits=count)
-    convert = make_converter(count, _has_alternatives(experience))
-    models = solve_all(program, convert, limit=limit, budget_s=budget_s)
+    readings = _has_alternatives(experience)
+    by_filter = planarity and not readings  # quicker than guessing faces; tests hold both equal
+    program = strict_program(
+        experience, order=order, planarity=planarity and not by_filter, visits=count
+    )
+    keep = make_planarity_test(experience, count) if by_filter else None
+    convert = make_converter(count, readings, keep)
+    models = solve_all(program, convert, limit=limit, budget_s=budget_s, options=_QUICK)
     return Enumeration(tuple(sorted(models.found, key=_sort_key)), models.complete)
 
 
-def make_converter(count: int, readings: bool) -> Callable[[Sequence[Symbol]], Hypothesis]:
+def make_converter(
+    count: int,
+    readings: bool,
+    keep: Callable[[Sequence[int], Sequence[int]], bool] | None = None,
+) -> Callable[[Sequence[Symbol]], Hypothesis | None]:
     """Return what turns the shown atoms of a model into a hypothesis over ``count`` visits.
 
-    The arguments of each distinct atom are read once and kept: a model is then a few lookups.
+    None stands for a map that ``keep`` refuses, given its visits and offsets. The arguments of
+    each distinct atom are read once and kept: a model is then a few lookups.
     """
     cache: dict[Symbol, tuple[int, int, int]] = {}
     identity, zeros = list(range(count)), [0] * count
 
-    def convert(symbols: Sequence[Symbol]) -> Hypothesis:
+    def convert(symbols: Sequence[Symbol]) -> Hypothesis | None:
         visits, offsets = identity.copy(), zeros.copy()
         chosen = zeros.copy() if readings else []
         for symbol in symbols:
@@ -251,6 +271,8 @@ def make_converter(count: int, readings: bool) -> Callable[[Sequence[Symbol]], H
                 chosen[v] = value
             else:
                 visits[v], offsets[v] = value, offset
+        if keep is not None and not keep(visits, offsets):
+            return None
         return Hypothesis(tuple(visits), tuple(offsets), tuple(chosen))
 
     return convert

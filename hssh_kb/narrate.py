@@ -188,12 +188,18 @@ class Narrator:
 
     def _detail(self, conflict: frozenset[Literal], violated: str, witness: tuple[str, str]) -> str:
         clause, term = witness
-        numbers = _numbers(term)
-        messages = read_messages()[violated]
+        if clause and violated == "star_isomorphism":
+            direct = not any(x.kind == "travel" for x in conflict)
+            clause = "none" if direct and clause != "size" else clause
+        template = read_messages()[violated].get(clause)
+        if template is None:
+            return find_axiom(violated).title
+        return template.format(**self._words(violated, _numbers(term)))
+
+    def _words(self, violated: str, numbers: Sequence[int]) -> dict[str, str]:
+        """Return what fills the placeholders of a message."""
         if violated == "star_isomorphism":
             a, b = numbers[0], numbers[1]
-            if clause != "size" and not any(x.kind == "travel" for x in conflict):
-                clause = "none"
             words = {
                 "a": self._label(a),
                 "b": self._label(b),
@@ -203,11 +209,19 @@ class Narrator:
             if len(numbers) == 4:
                 words["dlp_a"] = self._dlp(a, numbers[2])
                 words["dlp_b"] = self._dlp(b, numbers[3])
-            return messages[clause].format(**words)
-        if violated == "planarity" or not numbers:
-            return messages["genus"] if violated == "planarity" else find_axiom(violated).title
-        place, k = numbers[0], numbers[1]
-        return messages[clause].format(place=self._label(place), dlp=self._dlp(place, k))
+            return words
+        if violated == "order_irreflexive":
+            travel, place, k = numbers
+            return {
+                "travel": self._travel(travel),
+                "place": self._label(place),
+                "dlp": self._dlp(place, k),
+            }
+        travels = [self._travel(v) for v in numbers]
+        return dict(zip(("travel", "travel2"), travels, strict=False))
+
+    def _travel(self, v: int) -> str:
+        return f"{self._label(v - 1)} to {self._label(v)}"
 
     def _label(self, v: int) -> str:
         return self.experience.visit_label(v)

@@ -5,7 +5,7 @@ The axiom itself is ``axioms/14_planarity.lp``; tests hold the two equal.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Sequence
 
 from hssh_kb.experience import Experience
 from hssh_kb.hypothesis import Hypothesis
@@ -78,3 +78,57 @@ def _count_pieces(places: Collection[int], links: dict[Gate, Gate]) -> int:
     for (p, _), (q, _) in links.items():
         root[find(p)] = find(q)
     return sum(1 for p in places if find(p) == p)
+
+
+def make_planarity_test(
+    experience: Experience, count: int
+) -> Callable[[Sequence[int], Sequence[int]], bool]:
+    """Return a quick test of the maps of the first visits, for experiences with one reading each.
+
+    The test takes ``visits`` and ``offsets`` of a map in which travel is a reversible function,
+    and traces faces through travelled gateways only: stubs change no face.
+    """
+    legs = []
+    width = max((len(visit.star) for visit in experience.visits), default=0) + 1
+    for v in range(1, count):
+        before, now = experience.visits[v - 1], experience.visits[v]
+        if before.depart is not None and now.arrive is not None:
+            came = now.star.opposite(now.arrive)
+            legs.append((v - 1, before.depart, len(before.star), v, came, len(now.star)))
+
+    def test(visits: Sequence[int], offsets: Sequence[int]) -> bool:
+        link: dict[int, int] = {}
+        for u, depart, m, v, came, n in legs:
+            out = visits[u] * width + (depart + offsets[u]) % m
+            into = visits[v] * width + (came + offsets[v]) % n
+            link[out] = into
+            link[into] = out
+        if not link:
+            return True
+        following = _next_clockwise(sorted(link), width)
+        todo = set(link)
+        faces = 0
+        while todo:
+            start = gate = todo.pop()
+            faces += 1
+            while (gate := following[link[gate]]) != start:
+                todo.discard(gate)
+        return len(set(visits)) - len(link) // 2 + faces == 2
+
+    return test
+
+
+def _next_clockwise(gates: Sequence[int], width: int) -> dict[int, int]:
+    """Return the next travelled gateway at the same place; gateways are place * width + dlp."""
+    following: dict[int, int] = {}
+    first = last = gates[0]
+    place = first // width
+    for gate in gates[1:]:
+        if gate // width == place:
+            following[last] = gate
+        else:
+            following[last] = first
+            first, place = gate, gate // width
+        last = gate
+    following[last] = first
+    return following

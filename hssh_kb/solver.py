@@ -58,7 +58,7 @@ def ground(program: str, options: Sequence[str] = ()) -> Control:
 class _Collector(Generic[T]):
     """Collects converted models until a limit."""
 
-    def __init__(self, convert: Callable[[Sequence[Symbol]], T], limit: int | None) -> None:
+    def __init__(self, convert: Callable[[Sequence[Symbol]], T | None], limit: int | None) -> None:
         self.convert, self.limit = convert, limit
         self.found: list[T] = []
         self.cost: tuple[int, ...] = ()
@@ -74,7 +74,9 @@ class _Collector(Generic[T]):
             elif self.found and not self.proven:
                 self.found.clear()
             self.proven = model.optimality_proven
-        self.found.append(self.convert(model.symbols(shown=True)))
+        converted = self.convert(model.symbols(shown=True))
+        if converted is not None:
+            self.found.append(converted)
         return self.limit is None or len(self.found) < self.limit
 
     proven = False
@@ -102,7 +104,7 @@ def _run(
 
 def solve_all(
     program: str,
-    convert: Callable[[Sequence[Symbol]], T],
+    convert: Callable[[Sequence[Symbol]], T | None],
     *,
     limit: int | None = None,
     budget_s: float | None = None,
@@ -113,7 +115,7 @@ def solve_all(
     Parameters
     ----------
     program : text of the program.
-    convert : turns the shown symbols of a model into what is collected.
+    convert : turns the shown symbols of a model into what is collected; None is left out.
     limit : at most so many models.
     budget_s : at most so many seconds, grounding included.
     """
@@ -131,7 +133,7 @@ def solve_all(
 
 def solve_best(
     program: str,
-    convert: Callable[[Sequence[Symbol]], T],
+    convert: Callable[[Sequence[Symbol]], T | None],
     *,
     limit: int | None = None,
     budget_s: float | None = None,
@@ -170,7 +172,7 @@ class _MinimalSets(Generic[T]):
         self,
         control: Control,
         levels: Sequence[Sequence[tuple[str, int]]],
-        convert: Callable[[Sequence[Symbol]], T],
+        convert: Callable[[Sequence[Symbol]], T | None],
         limit: int | None,
         end: float | None,
     ) -> None:
@@ -239,7 +241,9 @@ class _MinimalSets(Generic[T]):
             if self.limit is not None and len(self.found) >= self.limit:
                 self.complete = False
                 return False
-            self.found.append(self.convert(model.symbols(shown=True)))
+            converted = self.convert(model.symbols(shown=True))
+            if converted is not None:
+                self.found.append(converted)
             return True
 
         self._solve(fixed, 0, note)
@@ -248,7 +252,7 @@ class _MinimalSets(Generic[T]):
 def solve_minimal(
     program: str,
     levels: Sequence[Sequence[tuple[str, int]]],
-    convert: Callable[[Sequence[Symbol]], T],
+    convert: Callable[[Sequence[Symbol]], T | None],
     *,
     limit: int | None = None,
     budget_s: float | None = None,
