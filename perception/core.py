@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,9 @@ from perception.grid import Mask
 from perception.pruning import find_closest
 from perception.region import Region
 from perception.skeleton import OPEN, Branch, Skeleton
+
+LEAST_BEND_RAD = math.radians(35.0)
+"""A skeleton that turns more than this within a place makes it a place of its own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,31 +63,94 @@ class Core:
 def find_core(skeleton: Skeleton, region: Region) -> Core:
     """Find base points and core of a pruned skeleton that has at least one branch.
 
+    The base points are the junctions near the robot and what neighbours them; without a junction
+    it is a sharp bend of the skeleton near the robot, or the end of a dead end; else the point
+    closest to the robot.
+
     Source
     ------
-    Beeson 2008, Algorithm 6.1.
+    Beeson 2008, Algorithm 6.1; bends and dead ends as base points are ours, so that such places
+    do not wander with the robot.
     """
     index, k = find_closest(skeleton, region, region.start)
     branch = skeleton.branches[index]
-    closest = branch.points_px[k]
-    junctions = skeleton.junctions()
-    if junctions:
-        places = np.array([skeleton.nodes[j].point_px for j in junctions])
-        radii = np.array([skeleton.nodes[j].radius_px for j in junctions])
-        gap = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
-        neighbour = gap <= np.maximum(radii[:, None], radii[None])
-        chosen = np.hypot(*(places - closest).T) <= radii
-        while True:
-            grown = chosen | neighbour[chosen].any(axis=0)
-            if (grown == chosen).all():
-                break
-            chosen = grown
-        if chosen.any():
-            base = [junctions[i] for i in np.flatnonzero(chosen)]
-            core = Core(_as_pair(closest), places[chosen], radii[chosen], True, ())
-            return _with_arms(core, skeleton, region, _leave_junctions(skeleton, base))
-    core = Core(_as_pair(closest), closest[None], branch.radius_px[k : k + 1], False, ())
+    closest = _as_pair(branch.points_px[k])
+    base = _near_junctions(skeleton, branch.points_px[k], float(branch.radius_px[k]))
+    if not base:
+        k = _find_anchor_point(skeleton, branch, k)
+        here = branch.points_px[k]
+        base = _near_junctions(skeleton, here, float(branch.radius_px[k]), inside_own=True)
+    if base:
+        nodes = [skeleton.nodes[j] for j in base]
+        places = np.array([node.point_px for node in nodes])
+        core = Core(closest, places, np.array([node.radius_px for node in nodes]), True, ())
+        return _with_arms(core, skeleton, region, _leave_junctions(skeleton, base))
+    core = Core(closest, branch.points_px[k : k + 1], branch.radius_px[k : k + 1], False, ())
     return _with_arms(core, skeleton, region, _leave_point(skeleton, branch, k))
+
+
+def _near_junctions(
+    skeleton: Skeleton, point: Array, radius_px: float, *, inside_own: bool = False
+) -> list[int]:
+    """Return the junctions whose disc holds a point (or that the point's disc holds).
+
+    Neighbours, of which one holds the other, come along.
+    """
+    junctions = skeleton.junctions()
+    if not junctions:
+        return []
+    places = np.array([skeleton.nodes[j].point_px for j in junctions])
+    radii = np.array([skeleton.nodes[j].radius_px for j in junctions])
+    gap = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
+    neighbour = gap <= np.maximum(radii[:, None], radii[None])
+    reach = np.full(len(radii), radius_px) if inside_own else radii
+    chosen = np.hypot(*(places - point).T) <= reach
+    while True:
+        grown = chosen | neighbour[chosen].any(axis=0)
+        if (grown == chosen).all():
+            return [junctions[i] for i in np.flatnonzero(chosen)]
+        chosen = grown
+
+
+def _find_anchor_point(skeleton: Skeleton, branch: Branch, k: int) -> int:
+    """Return a bend or a dead end of a branch whose disc holds the point k; else k itself."""
+    degree = skeleton.degree()
+    end = None
+    for node, outward in ((branch.head, 1), (branch.tail, -1)):
+        if degree[node] == 1 and skeleton.nodes[node].exit is None:
+            end = _find_dead_end(branch, outward)
+            if _hold_each_other(branch, end, k):
+                return end
+    steps, points = branch.steps_px, branch.points_px
+    gap = np.hypot(*(points - points[k]).T)
+    near = np.flatnonzero(gap <= np.maximum(branch.radius_px, branch.radius_px[k]))
+    near = near[np.abs(steps[near] - steps[k]) <= 2.0 * branch.radius_px[k]]
+    reach = 1.3 * branch.radius_px[near]
+    before, after = steps[near] - reach, steps[near] + reach
+    x, y = points.T
+    back = np.stack([np.interp(before, steps, x), np.interp(before, steps, y)], 1) - points[near]
+    ahead = np.stack([np.interp(after, steps, x), np.interp(after, steps, y)], 1) - points[near]
+    cosine = -np.sum(back * ahead, axis=1) / np.maximum(
+        np.hypot(*back.T) * np.hypot(*ahead.T), 1e-9
+    )
+    cosine[(before < -0.5 * reach) | (after > steps[-1] + 0.5 * reach)] = 1.0
+    if not len(near) or cosine.min() > math.cos(LEAST_BEND_RAD):
+        return k
+    return int(near[cosine.argmin()])
+
+
+def _find_dead_end(branch: Branch, outward: int) -> int:
+    """Return the last point of a branch before its clearance shrinks into the dead end."""
+    radius, steps = branch.radius_px[::outward], branch.steps_px
+    left_over = steps[-1] - steps if outward == 1 else steps[::-1]
+    final = left_over <= 3.0 * float(np.median(radius))
+    last = int(np.flatnonzero(radius >= 0.97 * radius[final].max())[-1])
+    return last if outward == 1 else len(radius) - 1 - last
+
+
+def _hold_each_other(branch: Branch, i: int, k: int) -> bool:
+    gap = float(np.hypot(*(branch.points_px[i] - branch.points_px[k])))
+    return gap <= max(float(branch.radius_px[i]), float(branch.radius_px[k]))
 
 
 def _as_pair(point: Array) -> tuple[float, float]:
@@ -108,7 +175,7 @@ def _leave_junctions(skeleton: Skeleton, base: list[int]) -> _Leaving:
 def _leave_point(skeleton: Skeleton, branch: Branch, k: int) -> _Leaving:
     """Return the two halves of a branch, outward from its point k.
 
-    A half that only leads into a dead end is left out.
+    A half that only leads into a dead end is left out if the point stands in that dead end.
     """
     degree = skeleton.degree()
     size = len(branch.points_px)
@@ -128,9 +195,11 @@ def _leave_point(skeleton: Skeleton, branch: Branch, k: int) -> _Leaving:
     halves = []
     after, before = branch.part(k, size, -1, branch.head), branch.part(0, k + 1, branch.tail, -1)
     for outward in (after, before.reversed()):
-        node = skeleton.nodes[outward.head]
-        if degree[outward.head] > 1 or node.exit is not None:
-            halves.append((outward, branch))
+        if degree[outward.head] == 1 and skeleton.nodes[outward.head].exit is None:
+            end = _find_dead_end(outward, 1) if len(outward.points_px) > 1 else 0
+            if _hold_each_other(outward, end, 0):
+                continue
+        halves.append((outward, branch))
     return halves
 
 
@@ -189,4 +258,4 @@ def _look_beyond(
         for link in links:
             other = link.head if link.tail == node else link.tail
             open_.append((other, way + float(link.steps_px[-1]), link))
-    return frontier, depth
+    return frontier, depth or float(branch.steps_px[-1])

@@ -198,8 +198,8 @@ def _fit_line(points: Array) -> _Line | None:
 def _fit_direction(branch: Branch, region: Region, place: int) -> _Line:
     """Fit the direction of the path at a point of its skeleton.
 
-    The points outward are preferred, as long as they are straight and do not look at the end of
-    a wall; else those inward, else both.
+    The walls beside the path outward are asked first; then the skeleton outward, as long as it is
+    straight and does not look at the end of a wall; then the skeleton on both sides, and inward.
     """
     points, radius = branch.points_px, float(branch.radius_px[place])
     gap = np.hypot(*(points - points[place]).T)
@@ -209,17 +209,51 @@ def _fit_direction(branch: Branch, region: Region, place: int) -> _Line:
     first = max(first, min(1, place))
     beyond = np.flatnonzero((gap[place:] > 2.0 * radius) | ~firm[place:])
     last = place + (int(beyond[0]) if len(beyond) else len(points) - place)
-    outer = _fit_line(points[place:last])
-    inner = _fit_line(points[first : place + 1])
-    both = _fit_line(points[first : max(last, place + 1)])
-    for line in (outer, both, inner):
-        if line is not None and line.is_straight and line.length_px >= 0.8 * radius:
+    both = slice(first, max(last, place + 1))
+    lines = [
+        _fit_walls(branch, region, slice(place, last), radius),
+        _fit_line(points[place:last]),
+        _fit_walls(branch, region, both, radius),
+        _fit_line(points[both]),
+        _fit_line(points[first : place + 1]),
+    ]
+    found = [line for line in lines if line is not None]
+    for line in found:
+        if line.is_straight and line.length_px >= 0.8 * radius:
             return line
-    lines = [line for line in (outer, both, inner) if line is not None]
-    if lines:
-        return min(lines, key=lambda line: (line.residual_px + 0.5) / max(line.length_px, 1.0))
+    if found:
+        return min(found, key=lambda line: (line.residual_px + 0.5) / max(line.length_px, 1.0))
     step = points[-1] - points[0]
     return _Line(math.atan2(step[1], step[0]), 1.0, 1.0)
+
+
+def _fit_walls(branch: Branch, region: Region, window: slice, radius_px: float) -> _Line | None:
+    """Fit one direction to the walls on the left and on the right of a stretch of branch.
+
+    A wall that the stretch looks at in one point only, a corner, says nothing about it.
+    """
+    if window.stop - window.start < 3:
+        return None
+    step = branch.points_px[window.stop - 1] - branch.points_px[window.start]
+    centred = []
+    for side in (branch.left[window], branch.right[window]):
+        seen = np.unique(side[side != OPEN])
+        if len(seen) < 3:
+            continue
+        wall = region.walls[seen].astype(float)
+        centred.append(wall - wall.mean(axis=0))
+    if not centred:
+        return None
+    pooled = np.concatenate(centred)
+    values, vectors = np.linalg.eigh(pooled.T @ pooled)
+    heading = vectors[:, 1]
+    if heading @ step < 0:
+        heading = -heading
+    reach = max(float(np.ptp(wall @ heading)) for wall in centred)
+    residual = math.sqrt(max(float(values[0]), 0.0) / len(pooled))
+    if reach < 0.8 * radius_px:
+        return None
+    return _Line(math.atan2(heading[1], heading[0]), residual, reach)
 
 
 def _is_firm(branch: Branch, region: Region) -> Mask:

@@ -8,7 +8,7 @@ import numpy as np
 
 from perception.geometry import Array
 from perception.grid import Mask
-from perception.region import Region
+from perception.region import Exit, Region
 from perception.skeleton import Branch, Node, Skeleton
 
 
@@ -27,7 +27,7 @@ def prune(skeleton: Skeleton, region: Region, *, min_depth_px: float) -> Skeleto
     _drop_small_loops(pruned)
     _join_all(pruned)
     while True:
-        leaf = _leaf_to_drop(pruned, min_depth_px)
+        leaf = _leaf_to_drop(pruned, region, min_depth_px)
         if leaf is None:
             return pruned
         pruned.branches.remove(leaf)
@@ -65,7 +65,7 @@ def _component(skeleton: Skeleton, region: Region) -> Skeleton:
     return Skeleton({n: skeleton.nodes[n] for n in skeleton.nodes if root(n) == home}, kept)
 
 
-def _leaf_to_drop(skeleton: Skeleton, min_depth_px: float) -> Branch | None:
+def _leaf_to_drop(skeleton: Skeleton, region: Region, min_depth_px: float) -> Branch | None:
     """Return the next branch that leads nowhere; None if all lead somewhere."""
     degree = skeleton.degree()
     shallow: list[tuple[float, int]] = []
@@ -75,7 +75,8 @@ def _leaf_to_drop(skeleton: Skeleton, min_depth_px: float) -> Branch | None:
                 continue
             if skeleton.nodes[leaf].exit is None:
                 return branch
-            depth = _depth(branch, skeleton.nodes[base], from_tail=base == branch.tail)
+            exit_ = region.exits[skeleton.nodes[leaf].exit or 0]
+            depth = _depth(branch, skeleton.nodes[base], exit_)
             if depth < min_depth_px:
                 shallow.append((depth, k))
     if not shallow:
@@ -84,15 +85,12 @@ def _leaf_to_drop(skeleton: Skeleton, min_depth_px: float) -> Branch | None:
     return skeleton.branches[min(shallow)[1]] if exits > 1 else None
 
 
-def _depth(branch: Branch, base: Node, *, from_tail: bool) -> float:
-    """Return the length of a branch beyond the disc of the junction it hangs on."""
-    points = branch.points_px if from_tail else branch.points_px[::-1]
-    outside = np.hypot(*(points - base.point_px).T) > base.radius_px
-    if not outside[-1]:
-        return 0.0
-    inside = np.flatnonzero(~outside)
-    beyond = points[int(inside[-1]) + 1 if len(inside) else 0 :]
-    return float(np.hypot(*(beyond[-1] - beyond[0])) + 1.0) if len(beyond) else 0.0
+def _depth(branch: Branch, base: Node, exit_: Exit) -> float:
+    """Return how far one sees beyond the disc of a junction through the exit of a branch."""
+    reach = 0.0
+    for points in (branch.points_px, exit_.cells.astype(float)):
+        reach = max(reach, float(np.hypot(*(points - base.point_px).T).max()))
+    return reach + 0.5 - base.radius_px
 
 
 def _drop_small_loops(skeleton: Skeleton, size: int = 12) -> None:

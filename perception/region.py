@@ -22,7 +22,7 @@ Index = NDArray[np.int64]
 _FULL = np.ones((3, 3), np.uint8)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Exit:
     """A stretch of frontier through which the region may be left.
 
@@ -30,13 +30,15 @@ class Exit:
     ----------
     centre_px : (x, y) of the middle of the stretch.
     width_px : its width between the walls, the robot's own radius given back on both sides.
+    cells : (n, 2) columns and rows of its cells, in order.
     """
 
     centre_px: tuple[float, float]
     width_px: float
+    cells: Index
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Region:
     """The passable cells joined to the robot, and their walls.
 
@@ -49,7 +51,7 @@ class Region:
     tip_distance : (n,) cells along the contour to the nearest end of the arc.
     exits : the exits, by index.
     exit_of_cell : (H, W) int32, index of the exit + 1 on frontier cells of the contour, else 0.
-    radius_px : the robot's radius that was bled into the free space.
+    radius_px : how far the walls were grown before the contour was taken.
     """
 
     inside: Mask
@@ -91,10 +93,11 @@ def find_region(
     Beeson 2008, 6.1.1: islands, bleeding, exits; the arcs are ours.
     """
     occupied, unknown = _clean(cells, min_frontier_px, island_px)
-    blocked = _bleed(occupied, radius_px)
-    inside, start = _reach(blocked, occupied, robot_px)
-    frontier = _touches(unknown & ~blocked, border=True) & ~_touches(blocked, border=False)
-    return _cut_contours(inside, start, frontier, radius_px, min_frontier_px)
+    inside, start = _reach(occupied, unknown, radius_px, robot_px)
+    bled = max(radius_px - 1.0, 0.0)
+    near_wall = _touches(occupied, 2 * round(bled) + 3)
+    frontier = _touches(unknown, 5, border=True) & ~near_wall
+    return _cut_contours(inside, start, frontier, bled, min_frontier_px)
 
 
 def _clean(cells: Cells, min_frontier_px: float, island_px: float) -> tuple[Mask, Mask]:
@@ -121,19 +124,19 @@ def _clean(cells: Cells, min_frontier_px: float, island_px: float) -> tuple[Mask
     return occupied, unknown
 
 
-def _bleed(occupied: Mask, radius_px: float) -> Mask:
-    """Grow the obstacles by the robot's radius."""
-    if radius_px <= 0:
-        return occupied
-    distance = cv2.distanceTransform((~occupied).view(np.uint8), cv2.DIST_L2, 5)
-    return np.asarray(distance <= radius_px)
-
-
 def _reach(
-    blocked: Mask, occupied: Mask, robot_px: tuple[float, float]
+    occupied: Mask, unknown: Mask, radius_px: float, robot_px: tuple[float, float]
 ) -> tuple[Mask, tuple[int, int]]:
-    """Return the passable cells joined to the robot by a way of width three, and its cell there."""
-    wide = np.asarray(cv2.erode((~blocked).view(np.uint8), _FULL), np.uint8)
+    """Return the cells joined to the robot by a way its body fits, and its cell there.
+
+    A way is a chain of cells whose neighbours are all passable; the neighbours belong to the
+    region too, so that its two walls are never one.
+    """
+    free = cv2.erode((~(occupied | unknown)).view(np.uint8), _FULL)
+    wide = np.asarray(free, np.uint8)
+    if radius_px > 1.5:
+        distance = cv2.distanceTransform((~occupied).view(np.uint8), cv2.DIST_L2, 5)
+        wide[np.asarray(distance < radius_px)] = 0
     start = _stand(wide, occupied, robot_px)
     flood = cv2.copyMakeBorder(1 - wide, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=1)
     cv2.floodFill(wide, flood, start, 2, flags=4)
@@ -171,9 +174,10 @@ def _stand(
     )
 
 
-def _touches(mask: Mask, *, border: bool) -> Mask:
-    """Return the cells that are in the mask or next to it (or at the border of the grid)."""
-    near = cv2.dilate(mask.view(np.uint8), _FULL).astype(bool)
+def _touches(mask: Mask, side: int, *, border: bool = False) -> Mask:
+    """Return the cells near the mask, within a square (or at the border of the grid)."""
+    shape = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)) if side > 3 else _FULL
+    near = cv2.dilate(mask.view(np.uint8), shape).astype(bool)
     if border:
         near[0], near[-1], near[:, 0], near[:, -1] = True, True, True, True
     return near
@@ -253,7 +257,7 @@ def _settle_runs(
             if wall_first and not open_[first] and extent < speck and last - first < 2 * speck + 4:
                 open_[first:last] = True
             elif not wall_first and open_[first]:
-                width = max(extent, 0.5 * (last - first)) + 2 * radius_px
+                width = max(extent, 0.5 * (last - first)) + 2 * radius_px + 2
                 if width < max(min_frontier_px, 2.0):
                     open_[first:last] = False
     if not open_.all() and open_.any():
@@ -269,4 +273,4 @@ def _extent(points: Index) -> float:
 
 def _as_exit(run: Index, radius_px: float) -> Exit:
     middle = run[len(run) // 2].astype(float)
-    return Exit((float(middle[0]), float(middle[1])), _extent(run) + 2 * radius_px)
+    return Exit((float(middle[0]), float(middle[1])), _extent(run) + 2 * radius_px + 2, run)
