@@ -39,7 +39,7 @@ class Step:
     nth : which of several openings on the same side at one place, from straight ahead, from 1;
         0 if there is only one.
     name : user name of the place, where the anchor is "place".
-    past : labels of named places passed on the way.
+    past : names of the named places passed on the way; counts begin after the last of them.
     passed : number of junctions passed on the way.
     text : English.
     """
@@ -128,7 +128,10 @@ def describe_route(
         side, direction, nth = "", None, 0
         if leg.onward is not None:
             side, direction, nth = _name_turn(end, last.arrive, leg.onward)
-        anchor, count = choose_anchor(end, between, outlooks, side)
+        # Openings and junctions are counted from the last place that is named on the way.
+        named = [i for i, place in enumerate(between) if place.name]
+        since = named[-1] + 1 if named else 0
+        anchor, count = choose_anchor(end, between, outlooks, side, since=since)
         travel = Step(
             "travel",
             leg.edges[0].start,
@@ -137,7 +140,7 @@ def describe_route(
             anchor,
             count,
             name=end.name if anchor == "place" else None,
-            past=tuple(place.label for place in between if place.name),
+            past=tuple(place.name for place in between if place.name),
             passed=sum(outlook.ways_on > 1 for outlook in outlooks[:-1]),
         )
         steps.append(travel)
@@ -154,7 +157,7 @@ def describe_route(
 
 
 def choose_anchor(
-    end: Place, between: Sequence[Place], outlooks: Sequence[Outlook], side: str
+    end: Place, between: Sequence[Place], outlooks: Sequence[Outlook], side: str, *, since: int = 0
 ) -> tuple[Anchor, int | None]:
     """Choose how to tell where a leg ends.
 
@@ -163,6 +166,7 @@ def choose_anchor(
     end : the place where it ends. between : the places passed.
     outlooks : what lies open at those places and, last, at the end.
     side : "left" or "right" if one turns there, "" at the goal.
+    since : how many of the places passed do not count, for one passes a named place there.
 
     Returns
     -------
@@ -186,13 +190,15 @@ def choose_anchor(
         if here.ways_on == 1:
             return "corner", None
         return "end", None
-    if side and passed:
-        openings = [len(outlook.side(side)) for outlook in outlooks]
+    counted = outlooks[since:]
+    junctions = sum(outlook.ways_on > 1 for outlook in counted)
+    if side and junctions > 1:
+        openings = [len(outlook.side(side)) for outlook in counted]
         if max(openings) == 1 and sum(openings) <= _MAX_ORDINAL:
             return "ordinal", sum(openings)
     if here.ways_on > 1:
-        return "junction", passed + 1
-    return "spot", len(outlooks)
+        return "junction", junctions
+    return "spot", len(counted)
 
 
 def _name_turn(place: Place, facing: int, onward: int) -> tuple[str, str, int]:
@@ -279,16 +285,22 @@ def follow_steps(graph: PlaceGraph, start: str, dlp: int, steps: Sequence[Step])
 def _walk_to_anchor(graph: PlaceGraph, here: str, onward: int, step: Step) -> Edge | None:
     """Walk straight on until the anchor of a step is met; return the last stretch."""
     side = (step.direction or "").split()[-1] if step.action == "turn" else ""
-    seen, junctions = 0, 0
-    for walked in range(1, len(graph.edges) + 1):
+    seen = junctions = walked = 0
+    to_pass = list(step.past)
+    for _ in graph.edges:
         edge = graph.edge_at.get((here, onward))
         if edge is None:
             return None
         place = graph.places[edge.goal]
         outlook = look_out(place.star, edge.arrive)
+        walked += 1
         seen += len(outlook.side(side)) if side else 0
         junctions += outlook.ways_on > 1
-        if _meets(step, place, outlook, (seen, junctions, walked)):
+        if to_pass:
+            if place.name == to_pass[0]:
+                del to_pass[0]
+                seen = junctions = walked = 0
+        elif _meets(step, place, outlook, (seen, junctions, walked)):
             return edge
         if not outlook.ahead:
             return None

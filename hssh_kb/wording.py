@@ -102,10 +102,9 @@ def _word_clause(step: Step, graph: PlaceGraph) -> str:
         )
     if not step.past:
         return clause
-    names = [graph.places[label].title for label in step.past]
-    places = names[-1]
-    if len(names) > 1:
-        places = table["past.list"].format(places=", ".join(names[:-1]), last=names[-1])
+    *first, places = step.past
+    if first:
+        places = table["past.list"].format(places=", ".join(first), last=places)
     return str(table["past"].format(places=places, clause=clause))
 
 
