@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from hssh_kb.congruence import Closure
 from hssh_kb.errors import UsageError
 from hssh_kb.experience import Experience
 from hssh_kb.facts import candidate_facts, experience_to_facts
@@ -124,11 +125,15 @@ def find_inconsistent_visit(
 ) -> int | None:
     """Return the first visit N such that visits 0..N have no map; None if all have one.
 
-    Also None if the budget ran out; consistency never returns once lost, so bisection finds N.
+    Also None if the budget ran out. Consistency never returns once lost, so bisection finds N.
+    Where each visit has one reading, the closure under travel decides without search.
     """
     end = None if budget_s is None else time.monotonic() + budget_s
+    closure = None if _has_alternatives(experience) or not order else Closure(experience)
 
     def consistent(count: int) -> bool | None:
+        if closure is not None:  # the least map is a tree, so planarity never decides
+            return closure.close(frozenset(range(count)), range(1, count), ()) is not None
         program = strict_program(experience, order=order, planarity=planarity, visits=count)
         return is_satisfiable(program, _rest(end))
 

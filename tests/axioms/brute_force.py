@@ -149,8 +149,11 @@ class Twin:
         return len(places) - len(edges) + faces
 
 
-def count(visits: list[list[Reading]], m: Map) -> tuple[int, int]:
-    """(paths, places) of a map, by union of local-paths."""
+def names(visits: list[list[Reading]], m: Map) -> tuple[frozenset, frozenset, frozenset]:
+    """The paths, places and unlikely readings of a map, by the names that minimality compares.
+
+    A path is named after its first place and the lesser of its two dlps there.
+    """
     stars = {p: visits[p][m.readings[p]] for p in set(m.visits)}
     parent = {
         (p, k): (p, min(k, star.opposite[k]))
@@ -170,7 +173,14 @@ def count(visits: list[list[Reading]], m: Map) -> tuple[int, int]:
             p = m.visits[w]
             ends.append(find((p, (k + m.offsets[w]) % len(stars[p].alpha))))
         parent[max(ends)] = min(ends)
-    return len({find(x) for x in parent}), len(stars)
+    paths = frozenset(find(x) for x in parent)
+    return paths, frozenset(stars), frozenset((v, r) for v, r in enumerate(m.readings) if r)
+
+
+def count(visits: list[list[Reading]], m: Map) -> tuple[int, int]:
+    """(paths, places) of a map, by union of local-paths."""
+    paths, places, _ = names(visits, m)
+    return len(paths), len(places)
 
 
 def all_maps(visits, **keywords) -> set[Map]:
@@ -184,3 +194,17 @@ def best_maps(visits, **keywords) -> tuple[tuple[int, int] | None, set[Map]]:
         return None, set()
     best = min(costs.values())
     return best, {m for m, cost in costs.items() if cost == best}
+
+
+def subset_minimal(visits, **keywords) -> set[Map]:
+    """The maps that no other is preferred to: the first level that differs has a proper part."""
+    named = {m: names(visits, m) for m in all_maps(visits, **keywords)}
+
+    def preferred(one, other) -> bool:
+        for mine, theirs in zip(one, other, strict=True):
+            if mine != theirs:
+                return mine < theirs
+        return False
+
+    values = set(named.values())
+    return {m for m, n in named.items() if not any(preferred(other, n) for other in values)}

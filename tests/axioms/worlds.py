@@ -5,7 +5,12 @@ from __future__ import annotations
 import random
 from collections.abc import Iterable, Sequence
 
-from hssh_kb.experience import Experience, make_experience
+from hssh_kb.experience import (
+    Experience,
+    experience_from_data,
+    experience_to_data,
+    make_experience,
+)
 
 Cell = tuple[int, int]
 SQUARE: tuple[Cell, ...] = ((0, 1), (1, 0), (0, -1), (-1, 0))
@@ -63,7 +68,9 @@ def grid(width: int, height: int, *, stubs: bool = False) -> World:
     return World(edges, stubs=stubs)
 
 
-def random_world(rng: random.Random, *, triangular: bool = False, size: int = 3) -> World:
+def random_world(
+    rng: random.Random, *, triangular: bool = False, size: int = 3, stubs: bool = False
+) -> World:
     """A connected world with holes: a random spanning tree plus some further edges."""
     arms = TRIANGULAR if triangular else SQUARE
     width, height = rng.randint(2, size), rng.randint(2, size)
@@ -91,7 +98,7 @@ def random_world(rng: random.Random, *, triangular: bool = False, size: int = 3)
         else:
             extra.append((one, other))
     keep += [edge for edge in extra if rng.random() < 0.75]
-    return World(keep, arms)
+    return World(keep, arms, stubs=stubs)
 
 
 def random_walk(rng: random.Random, world: World, travels: int) -> list[Cell]:
@@ -110,6 +117,25 @@ def random_experience(rng: random.Random, travels: int, **keywords) -> Experienc
     world = random_world(rng, **keywords)
     route = random_walk(rng, world, travels)
     return world.drive(route, [rng.randrange(6) for _ in route])
+
+
+def with_alternatives(rng: random.Random, experience: Experience) -> Experience:
+    """Give some visits a second reading: another star of the walk, come in and left at random."""
+    data = experience_to_data(experience)
+    last = len(experience) - 1
+    for v, item in enumerate(data["visits"]):
+        if rng.random() < 0.4:
+            star = rng.choice(experience.visits).star
+            open_dlps = [k for k in range(len(star)) if star.alpha[k]]
+            item["alternatives"] = [
+                {
+                    "star": [str(dlp) for dlp in star.dlps],
+                    "arrive": star.opposite(rng.choice(open_dlps)) if v else None,
+                    "depart": rng.choice(open_dlps) if v < last else None,
+                    "weight": rng.choice([0.1, 0.2, 0.3]),
+                }
+            ]
+    return experience_from_data(data)
 
 
 def _serpentine() -> list[Cell]:

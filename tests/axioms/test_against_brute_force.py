@@ -1,0 +1,213 @@
+"""The theory against its twin on random small worlds: sets of maps, best maps, minimal maps."""
+
+import random
+
+import brute_force
+import pytest
+import worlds
+
+from hssh_kb.experience import Experience, experience_from_data, experience_to_data
+from hssh_kb.maps import (
+    count_paths,
+    enumerate_maps,
+    find_inconsistent_visit,
+    make_converter,
+    minimal_maps,
+    strict_program,
+)
+from hssh_kb.solver import solve_all
+
+SWITCHES = (
+    {},
+    {"planarity": False},
+    {"order": False, "planarity": False},
+    {"order": False},
+)
+MANY = 1500
+
+
+def draw(seed: int, longest: int = 9) -> Experience:
+    """A random walk in a random world: square or triangular, with stubs or without."""
+    rng = random.Random(seed)
+    stubs = seed % 5 == 0
+    travels = rng.randint(1, 5 if stubs else longest)
+    return worlds.random_experience(rng, travels, triangular=seed % 3 == 0, stubs=stubs)
+
+
+def keys(maps):
+    return {(h.visits, h.offsets, h.readings or (0,) * len(h.visits)) for h in maps}
+
+
+@pytest.mark.parametrize("chunk", range(10))
+def test_all_maps_equal_those_of_the_twin(chunk):
+    for seed in range(chunk * 20, chunk * 20 + 20):
+        experience, switches = draw(seed), SWITCHES[seed % 4]
+        twin = brute_force.all_maps(brute_force.plain(experience), **switches)
+        found = enumerate_maps(experience, **switches)
+        assert found.complete
+        assert len(found.maps) == len(keys(found.maps)), f"a map twice, seed {seed}"
+        assert keys(found.maps) == {tuple(m) for m in twin}, f"seed {seed}"
+
+
+@pytest.mark.parametrize("chunk", range(4))
+def test_best_maps_equal_those_of_the_twin(chunk):
+    for seed in range(chunk * 15, chunk * 15 + 15):
+        experience = draw(seed + 1000)
+        switches = SWITCHES[seed % 2]
+        best, ties = brute_force.best_maps(brute_force.plain(experience), **switches)
+        found = minimal_maps(experience, **switches)
+        assert found.complete
+        assert keys(found.maps) == {tuple(m) for m in ties}, f"seed {seed}"
+        assert {cost[:2] for cost in found.costs} == {best}
+        assert {(count_paths(experience, h), len(h.places)) for h in found.maps} == {best}
+
+
+@pytest.mark.parametrize("chunk", range(3))
+def test_subset_minimal_maps_equal_those_of_the_twin(chunk):
+    for seed in range(chunk * 12, chunk * 12 + 12):
+        experience, switches = draw(seed + 2000), SWITCHES[seed % 2]
+        if seed % 3 == 0:
+            experience = worlds.with_alternatives(random.Random(seed), draw(seed + 2000, 5))
+        twin = brute_force.subset_minimal(brute_force.plain(experience), **switches)
+        found = minimal_maps(experience, minimal="subset", **switches)
+        assert found.complete
+        assert keys(found.maps) == {tuple(m) for m in twin}, f"seed {seed}"
+        fewest = minimal_maps(experience, **switches)
+        if not any(len(visit.readings) > 1 for visit in experience.visits):
+            assert keys(fewest.maps) <= keys(found.maps)
+
+
+@pytest.mark.parametrize("seed", range(3000, 3030))
+def test_readings_are_chosen_as_the_twin_chooses(seed):
+    rng = random.Random(seed)
+    experience = worlds.with_alternatives(rng, draw(seed, 5))
+    plain = brute_force.plain(experience)
+    switches = SWITCHES[seed % 4]
+    twin = brute_force.all_maps(plain, **switches)
+    if len(twin) > MANY:
+        pytest.skip("too many maps to compare in a test")
+    found = enumerate_maps(experience, **switches)
+    if twin:
+        assert keys(found.maps) == {tuple(m) for m in twin}
+    else:
+        assert found.inconsistent_from is not None
+
+
+@pytest.mark.parametrize("seed", range(4000, 4024))
+def test_generators_and_planarity_by_program_or_by_filter_agree(seed):
+    experience = draw(seed, 6)
+    if seed % 2:
+        experience = worlds.with_alternatives(random.Random(seed), draw(seed, 4))
+    readings = any(len(visit.readings) > 1 for visit in experience.visits)
+    convert = make_converter(len(experience), readings)
+    answers = {
+        generator: keys(solve_all(strict_program(experience, generator=generator), convert).found)
+        for generator in ("wide", "tight", "given")
+    }
+    answers["filter"] = keys(enumerate_maps(experience).maps)
+    if not answers["wide"]:
+        assert enumerate_maps(experience).inconsistent_from is not None
+        answers["filter"] = set()
+    assert answers["wide"] == answers["tight"] == answers["given"] == answers["filter"]
+
+
+def contradict(rng, experience):
+    """Turn on one's heel and find another star than the one left behind."""
+    data = experience_to_data(experience)
+    last = data["visits"][-1]
+    star = experience.visits[-1].star
+    last["depart"] = star.opposite(experience.visits[-1].arrive)
+    size = rng.choice([n for n in (2, 4, 6) if n != len(experience.visits[-2].star)])
+    texts = [f"{'abc'[k % (size // 2)]}{'+' if k < size // 2 else '-'}1" for k in range(size)]
+    for depart in (0, None):
+        data["visits"].append({"star": texts, "arrive": 1, "depart": depart})
+    return experience_from_data(data)
+
+
+@pytest.mark.parametrize("seed", range(5000, 5012))
+def test_contradictory_experience_names_the_visit_and_keeps_the_maps_before(seed):
+    before = draw(seed, 5)
+    experience = contradict(random.Random(seed), before)
+    found = enumerate_maps(experience)
+    assert found.inconsistent_from == len(before)
+    assert keys(found.maps) == keys(enumerate_maps(before).maps)
+    best = minimal_maps(experience)
+    assert best.inconsistent_from == len(before)
+    assert keys(best.maps) == keys(minimal_maps(before).maps)
+    twin = brute_force.Twin(brute_force.plain(experience))
+    assert not list(twin.maps())
+    assert twin.deepest == len(before)
+
+
+def test_consistent_experience_is_inconsistent_nowhere():
+    assert find_inconsistent_visit(draw(1)) is None
+
+
+def turned(experience, turns):
+    data = experience_to_data(experience)
+    for item, turn in zip(data["visits"], turns, strict=True):
+        size = len(item["star"])
+        item["star"] = [item["star"][(k + turn) % size] for k in range(size)]
+        for key in ("arrive", "depart"):
+            if item[key] is not None:
+                item[key] = (item[key] - turn) % size
+    return experience_from_data(data)
+
+
+def mirrored(experience):
+    data = experience_to_data(experience)
+    for item in data["visits"]:
+        item["star"].reverse()
+        for key in ("arrive", "depart"):
+            if item[key] is not None:
+                item[key] = len(item["star"]) - 1 - item[key]
+    return experience_from_data(data)
+
+
+def renamed(experience):
+    data = experience_to_data(experience)
+    for item in data["visits"]:
+        item["star"] = [
+            f"corridor {text}".replace("+", "?").replace("-", "+") for text in item["star"]
+        ]
+        item["star"] = [text.replace("?", "-") for text in item["star"]]
+    return experience_from_data(data)
+
+
+def reversed_walk(experience):
+    data = experience_to_data(experience)
+    visits = []
+    for visit, item in zip(experience.visits[::-1], data["visits"][::-1], strict=True):
+        arrive = None if visit.depart is None else visit.star.opposite(visit.depart)
+        depart = None if visit.arrive is None else visit.star.opposite(visit.arrive)
+        visits.append({"star": item["star"], "arrive": arrive, "depart": depart})
+    return experience_from_data({**data, "visits": visits})
+
+
+@pytest.mark.parametrize("seed", range(6000, 6020))
+def test_what_should_change_nothing_changes_nothing(seed):
+    experience = draw(seed, 7)
+    rng = random.Random(seed)
+    partitions = sorted(h.visits for h in enumerate_maps(experience).maps)
+    costs = minimal_maps(experience).costs
+    turns = [rng.randrange(6) for _ in experience.visits]
+    for other in (turned(experience, turns), mirrored(experience), renamed(experience)):
+        assert sorted(h.visits for h in enumerate_maps(other).maps) == partitions
+        assert minimal_maps(other).costs == costs
+    back = reversed_walk(experience)
+    blocks = {
+        frozenset(frozenset(group(h.visits, p)) for p in h.places)
+        for h in enumerate_maps(experience).maps
+    }
+    last = len(experience) - 1
+    blocks_back = {
+        frozenset(frozenset(last - v for v in group(h.visits, p)) for p in h.places)
+        for h in enumerate_maps(back).maps
+    }
+    assert blocks == blocks_back
+    assert len(enumerate_maps(back).maps) == len(partitions)
+    assert minimal_maps(back).costs == costs
+
+
+def group(visits, place):
+    return [v for v, p in enumerate(visits) if p == place]
