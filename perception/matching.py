@@ -102,6 +102,8 @@ def match_scan(
     if first.ok and first.score > EAGER_SCORE and _measure_offset(first.pose, start, prior) < 9.0:
         return first
     near = search_poses(scan.points, known, start, prior, window=window)
+    if first.ok and _is_close(near, first.pose):
+        return first
     found = refine_pose(scan, known, near, start, prior)
     return first if first.ok and first.score >= found.score else found
 
@@ -154,7 +156,7 @@ def refine_pose(
     guess: Array,
     covariance: Array,
     *,
-    gates_m: tuple[float, ...] = (0.35, 0.25, 0.15, 0.12, 0.10, 0.10),
+    gates_m: tuple[float, ...] = (0.35, 0.2, 0.12, 0.1, 0.1, 0.1),
 ) -> Match:
     """Refine a pose by point-to-line least squares, together with the Gaussian of the guess.
 
@@ -187,7 +189,7 @@ def refine_pose(
         trust = 7.0 / (4.0 + max(3.0, float(offset @ weight @ offset)))
         step = np.linalg.solve(information + trust * weight, pull - trust * (weight @ offset))
         pose = pose + step
-        if gate == gates_m[-1] and np.abs(step).max() < 1e-4:
+        if gate == gates_m[-1] and np.abs(step).max() < 5e-4:
             break
     pose[2] = wrap_angle(pose[2])
     posterior = np.linalg.inv(information + trust * weight) + np.diag(FLOOR) ** 2
@@ -198,12 +200,11 @@ def refine_pose(
 
 @dataclass(frozen=True)
 class _Lines:
-    """Scan points and the lines they belong to, in the frame of the reference."""
+    """Scan points and the lines they belong to, in the frame of the reference; rows x and y."""
 
     points: Array
     normals: Array
     residual_m: Array
-    share: float
 
 
 def _pair_lines(scan: Surface, reference: Reference, pose: Array, gate: float) -> _Lines | None:
@@ -211,16 +212,17 @@ def _pair_lines(scan: Surface, reference: Reference, pose: Array, gate: float) -
     moved = scan.moved(pose)
     lines = reference.lines
     far, index = reference.tree.query(moved.points, distance_upper_bound=max(gate, 0.6))
-    hit = np.isfinite(far)
-    points, facing, index, far = moved.points[hit], moved.normals[hit], index[hit], far[hit]
-    normals = lines.normals[index]
-    residual = ((lines.points[index] - points) * normals).sum(1)
-    agree = (facing * normals).sum(1)
+    hit = np.flatnonzero(np.isfinite(far))
+    points, facing, index, far = moved.points[hit].T, moved.normals[hit].T, index[hit], far[hit]
+    normals = lines.normals[index].T
+    gap = lines.points[index].T - points
+    residual = gap[0] * normals[0] + gap[1] * normals[1]
+    agree = facing[0] * normals[0] + facing[1] * normals[1]
     keep = (np.abs(residual) < gate) & (far < np.maximum(gate, 1.2 * lines.spacing_m[index]))
-    keep &= ~(agree < 0.7)
-    if keep.sum() < MIN_POINTS:
+    chosen = np.flatnonzero(keep & ~(agree < 0.7))
+    if len(chosen) < MIN_POINTS:
         return None
-    return _Lines(points[keep], normals[keep], residual[keep], float(keep.sum()) / len(scan))
+    return _Lines(points[:, chosen], normals[:, chosen], residual[chosen])
 
 
 def _sum_normal_equations(
@@ -228,23 +230,30 @@ def _sum_normal_equations(
 ) -> tuple[Array, Array, float]:
     """Return information (3, 3), the pull towards the lines (3,), and the share of inliers."""
     normals, residual = lines.normals, lines.residual_m
-    sigma = max(RANGE_NOISE_M, min(1.4826 * float(np.median(np.abs(residual))), gate))
-    weight = 1.0 / (1.0 + (residual / (2 * sigma)) ** 2)
-    arm = lines.points - pose[:2]
-    across = np.column_stack([-arm[:, 1], arm[:, 0]])
-    tangent = np.column_stack([-normals[:, 1], normals[:, 0]])
-    jac = np.column_stack([normals, (normals * across).sum(1)])
-    side = np.column_stack([tangent, (tangent * across).sum(1)])
-    scale = INDEPENDENCE / sigma**2
-    raw = scale * (jac.T * weight) @ jac
-    feigned = scale * NORMAL_NOISE_RAD**2 * (side.T * weight) @ side
-    pull = scale * jac.T @ (weight * residual)
-    root = np.linalg.cholesky(raw + np.diag([1e-3, 1e-3, 1e-3]))
+    size = np.abs(residual)
+    middle = len(size) // 2
+    sigma = max(RANGE_NOISE_M, min(1.4826 * float(np.partition(size, middle)[middle]), gate))
+    weight = (INDEPENDENCE / sigma**2) / (1.0 + (residual / (2 * sigma)) ** 2)
+    arm = lines.points - pose[:2, None]
+    jac, side = np.empty((3, len(size))), np.empty((3, len(size)))
+    jac[:2], jac[2] = normals, arm[0] * normals[1] - arm[1] * normals[0]
+    side[0], side[1] = -normals[1], normals[0]
+    side[2] = arm[0] * normals[0] + arm[1] * normals[1]
+    raw = (jac * weight) @ jac.T
+    feigned = NORMAL_NOISE_RAD**2 * ((side * weight) @ side.T)
+    pull = jac @ (weight * residual)
+    root = np.linalg.cholesky(raw + 1e-3 * np.eye(3))
     inverse = np.linalg.inv(root)
     share, basis = np.linalg.eigh(inverse @ (raw - feigned) @ inverse.T)
-    kept = (basis * np.clip(share, 0.0, 1.0)) @ basis.T
-    inliers = float((np.abs(residual) < max(3 * RANGE_NOISE_M, gate / 2)).sum()) / n_points
-    return root @ kept @ root.T, root @ kept @ inverse @ pull, inliers
+    kept = root @ ((basis * np.clip(share, 0.0, 1.0)) @ basis.T)
+    inliers = float(np.count_nonzero(size < max(3 * RANGE_NOISE_M, gate / 2))) / n_points
+    return kept @ root.T, kept @ inverse @ pull, inliers
+
+
+def _is_close(a: Array, b: Array) -> bool:
+    """Tell whether refinement from either pose would end at the same one."""
+    apart = a - b
+    return bool(np.abs(apart[:2]).max() < 0.1 and abs(wrap_angle(apart[2])) < 0.03)
 
 
 def _measure_offset(pose: Array, guess: Array, covariance: Array) -> float:
