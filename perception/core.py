@@ -107,9 +107,28 @@ def _near_junctions(
     chosen = np.hypot(*(places - point).T) <= reach
     while True:
         grown = chosen | neighbour[chosen].any(axis=0)
+        grown |= _is_linked(skeleton, junctions, places, radii, grown)
         if (grown == chosen).all():
             return [junctions[i] for i in np.flatnonzero(chosen)]
         chosen = grown
+
+
+def _is_linked(
+    skeleton: Skeleton, junctions: list[int], places: Array, radii: Array, chosen: Mask
+) -> Mask:
+    """Tell which junctions a branch joins to chosen ones without leaving the discs of those."""
+    number = {node: k for k, node in enumerate(junctions)}
+    linked = np.zeros(len(junctions), bool)
+    if not chosen.any():
+        return linked
+    for branch in skeleton.branches:
+        tail, head = number.get(branch.tail, -1), number.get(branch.head, -1)
+        if min(tail, head) < 0 or chosen[tail] == chosen[head]:
+            continue
+        gap = branch.points_px[:, None] - places[chosen][None]
+        if (np.hypot(gap[..., 0], gap[..., 1]) <= radii[chosen]).any(axis=1).all():
+            linked[[tail, head]] = True
+    return linked
 
 
 def _find_anchor_point(skeleton: Skeleton, branch: Branch, k: int) -> int:

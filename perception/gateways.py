@@ -16,7 +16,7 @@ from perception.core import Arm
 from perception.errors import InputError
 from perception.geometry import Array
 from perception.grid import Mask
-from perception.region import Region
+from perception.region import Index, Region
 from perception.skeleton import OPEN, Branch
 
 Method = Literal["anchor", "constriction"]
@@ -207,14 +207,16 @@ def _fit_direction(branch: Branch, region: Region, place: int) -> _Line:
     first = place - int(np.argmax((gap[place::-1] > radius) | (place == 0)))
     first = first if first < place else 0
     first = max(first, min(1, place))
-    beyond = np.flatnonzero((gap[place:] > 2.0 * radius) | ~firm[place:])
-    last = place + (int(beyond[0]) if len(beyond) else len(points) - place)
-    both = slice(first, max(last, place + 1))
+    far = np.flatnonzero(gap[place:] > 2.0 * radius)
+    last = place + (int(far[0]) if len(far) else len(points) - place)
+    vague = np.flatnonzero(~firm[place:last])
+    sure = place + int(vague[0]) if len(vague) else last
+    short = max(2.0 * radius - float(gap[last - 1]), 0.0) if len(vague) else 0.0
     lines = [
-        _fit_walls(branch, region, slice(place, last), radius),
-        _fit_line(points[place:last]),
-        _fit_walls(branch, region, both, radius),
-        _fit_line(points[both]),
+        _fit_walls(branch, region, (place, last), radius, short),
+        _fit_line(points[place:sure]),
+        _fit_walls(branch, region, (first, max(last, place + 1)), radius, short),
+        _fit_line(points[first : max(sure, place + 1)]),
         _fit_line(points[first : place + 1]),
     ]
     found = [line for line in lines if line is not None]
@@ -227,17 +229,21 @@ def _fit_direction(branch: Branch, region: Region, place: int) -> _Line:
     return _Line(math.atan2(step[1], step[0]), 1.0, 1.0)
 
 
-def _fit_walls(branch: Branch, region: Region, window: slice, radius_px: float) -> _Line | None:
+def _fit_walls(
+    branch: Branch, region: Region, window: tuple[int, int], radius_px: float, extend_px: float
+) -> _Line | None:
     """Fit one direction to the walls on the left and on the right of a stretch of branch.
 
-    A wall that the stretch looks at in one point only, a corner, says nothing about it.
+    A wall that the stretch looks at in one point only, a corner, says nothing about it. Where the
+    branch ends early, the walls are followed further, by ``extend_px``.
     """
-    if window.stop - window.start < 3:
+    first, last = window
+    if last - first < 2:
         return None
-    step = branch.points_px[window.stop - 1] - branch.points_px[window.start]
+    step = branch.points_px[last - 1] - branch.points_px[first]
     centred = []
-    for side in (branch.left[window], branch.right[window]):
-        seen = np.unique(side[side != OPEN])
+    for side in (branch.left[first:last], branch.right[first:last]):
+        seen = _see_wall(side, region, round(extend_px))
         if len(seen) < 3:
             continue
         wall = region.walls[seen].astype(float)
@@ -254,6 +260,20 @@ def _fit_walls(branch: Branch, region: Region, window: slice, radius_px: float) 
     if reach < 0.8 * radius_px:
         return None
     return _Line(math.atan2(heading[1], heading[0]), residual, reach)
+
+
+def _see_wall(side: Index, region: Region, extend: int) -> Index:
+    """Return the wall cells seen on one side, and ``extend`` more in the direction of travel."""
+    side = side[side != OPEN]
+    seen = np.unique(side)
+    if len(seen) < 2 or extend < 1:
+        return seen
+    ahead = int(side[-1])
+    sign = 1 if ahead > int(np.median(side)) else -1
+    more = ahead + sign * np.arange(1, extend + 1)
+    more = more[(more >= 0) & (more < len(region.arc))]
+    more = more[region.arc[more] == region.arc[ahead]]
+    return np.union1d(seen, more)
 
 
 def _is_firm(branch: Branch, region: Region) -> Mask:
