@@ -68,6 +68,7 @@ class Node:
         "decision",
         "parent",
         "places",
+        "queued",
         "score",
         "serial",
         "stage",
@@ -86,8 +87,9 @@ class Node:
     ) -> None:
         self.parent, self.visit, self.decision = parent, visit, decision
         self.addends, self.places, self.serial = addends, places, serial
-        self.score = (parent.score if parent else 0.0) + sum(addends)
+        self.score: float = (parent.score if parent else 0.0) + sum(addends)
         self.stage = 0
+        self.queued = False
         self.state: LeafState | None = None
         self.children: dict[Decision, Node] | None = None
 
@@ -150,6 +152,7 @@ class MapTree:
         first = Node(None, -1, Decision(-1, 0, 0, False), Addends(0, 0, 0, 0, 0, 0), 0, 0)
         self.root = first
         first.children = {}
+        first.queued = True
         roots = []
         for i, reading in enumerate(visit.readings):
             addends = Addends(0, 0, 0, math.log(reading.weight), 0, 0)

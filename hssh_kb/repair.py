@@ -46,18 +46,19 @@ class Repair:
         """What tells this repair from others."""
         return self.donor.serial, self.doubt, self.place, self.reading, self.decision
 
-    def carry_out(self, tree: MapTree) -> Node | None:
-        """Return the repaired map after the visit that called for it; None if it cannot stand."""
+    def carry_out(self, tree: MapTree) -> Node:
+        """Return the repaired map, as far as it can stand."""
         chain = self.donor.chain()[1:]
-        node: Node | None = chain[0].parent
+        node = chain[0].parent
+        if node is None:
+            return self.donor
         first = next((one.visit for one in chain if one.decision.place == self.place), -1)
         for one in chain:
-            if node is None:
-                return None
-            node = self._take(tree, node, one.visit, one.decision, first)
-        if node is None:
-            return None
-        return self._take(tree, node, self.donor.visit + 1, self.decision, first)
+            further = self._take(tree, node, one.visit, one.decision, first)
+            if further is None:
+                return node
+            node = further
+        return self._take(tree, node, self.donor.visit + 1, self.decision, first) or node
 
     def _take(
         self, tree: MapTree, node: Node, v: int, decision: Decision, first: int

@@ -122,7 +122,7 @@ class Score:
         """Return the layout and heading addends of a closure, and the noise to close with.
 
         Agreement of headings never speaks for a closure (all places of a building share a few
-        headings), disagreement speaks against it.
+        headings), disagreement beyond what the noise explains speaks against it.
 
         Parameters
         ----------
@@ -147,7 +147,7 @@ class Score:
         p, q = (d * e - b * f) / det, (a * f - b * e) / det
         var = max(g + turn_var - p * e - q * f, 1e-12)
         left = t - p * x - q * y
-        heading = -0.5 * left * left / var
+        heading = -0.5 * max(left * left / var - 1.0, 0.0)
         if heading < self.floor:
             return layout, self.floor, (noise_x, noise_y, math.inf)
         return layout, heading, (noise_x, noise_y, turn_var)
@@ -208,7 +208,8 @@ class Score:
         for one in turns:
             left = (one - turn + math.pi) % (2 * math.pi) - math.pi
             rest += left * left
-        return turn, var / len(turns), max(-0.5 * rest / var, 0.6 * self.floor)
+        free = len(turns) - 1
+        return turn, var / len(turns), max(-0.5 * max(rest / var - free, 0.0), 0.6 * self.floor)
 
     def weigh_bearing(self, known: complex, seen: complex) -> float:
         """Return the addend (<= 0) for the direction of a travel at a place.
@@ -223,7 +224,7 @@ class Score:
             return 0.0
         turn = seen * known.conjugate()
         off = math.atan2(turn.imag, turn.real) / self.bearing_rad
-        return max(-0.5 * off * off, 0.4 * self.floor)
+        return max(-0.5 * max(off * off - 1.0, 0.0), 0.4 * self.floor)
 
 
 def estimate_score(experience: Experience, **overrides: Any) -> Score:  # noqa: ANN401

@@ -113,7 +113,7 @@ class TreeOfMaps:
         self._heaps.append([])
         self._change.append(None)
         for root in self.tree.add_visit(visit):
-            self._push(0, root.score, root)
+            self._queue(root)
 
     def extend(self, visit: Visit, *, previous: Visit | None = None) -> None:
         """Take in the next visit.
@@ -148,13 +148,9 @@ class TreeOfMaps:
         self._serial += 1
         heapq.heappush(self._heaps[depth], (-score, self._serial, item))
 
-    def _prospects(self) -> list[float]:
-        """Return, for each depth, the best that the visits after it have added to any map."""
-        out, total = [0.0] * len(self._visits), 0.0
-        for depth in range(len(self._visits) - 1, 0, -1):
-            total += self._change[depth] or 0.0
-            out[depth - 1] = total
-        return out
+    def _queue(self, node: Node) -> None:
+        node.queued = True
+        self._push(node.visit, node.score, node)
 
     def _choose_depth(self) -> int | None:
         """Return the depth whose best leaf has the best prospect; None if all are complete."""
@@ -183,16 +179,17 @@ class TreeOfMaps:
     def _grow_at(self, depth: int) -> None:
         _, _, item = heapq.heappop(self._heaps[depth])
         if isinstance(item, Repair):
-            repaired = item.carry_out(self.tree)
-            if repaired is not None and repaired.serial not in self._seen:
-                self._push(repaired.visit, repaired.score, repaired)
+            # Every map on the way to the repaired one is a leaf that other maps may grow from.
+            node: Node | None = item.carry_out(self.tree)
+            while node is not None and not node.queued:
+                self._queue(node)
+                node = node.parent
             return
         self._expand(item)
 
     def _expand(self, node: Node) -> None:
         """Make the children of a map; the first time those worth it, the next time the rest."""
         tree, depth = self.tree, node.visit
-        self._seen.add(node.serial)
         self.expansions += 1
         node.stage += 1
         options = list(tree.options(node, far=node.stage == 2, lean=node.stage < 3))
@@ -200,10 +197,8 @@ class TreeOfMaps:
         for option in options:
             if option.refusal is None:
                 child = tree.child(node, option)
-                if child.serial not in self._seen and child.stage == 0:
-                    child.stage = 0
-                    self._push(depth + 1, child.score, child)
-                    self._seen.add(-child.serial)
+                if not child.queued:
+                    self._queue(child)
                 best = max(best, child.score - node.score)
         if node.stage == 1:
             known = self._change[depth + 1]

@@ -8,12 +8,13 @@ much as asked for.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from hssh_kb.experience import Displacement, Experience, Reading, Visit
+from hssh_kb.hypothesis import Hypothesis
 from perception.star import Dlp, Star
 
 EAST, SOUTH, WEST, NORTH = range(4)  # clockwise
@@ -72,15 +73,33 @@ class Eyes:
 
 @dataclass(frozen=True)
 class Truth:
-    experience: Experience
-    places: tuple[int, ...]  # true place of each visit
-    partition: tuple[int, ...] = field(default=())
+    """What was seen, and what it was: place and true reading (-1: none) of each visit.
 
-    @staticmethod
-    def of(experience: Experience, places: list[int]) -> Truth:
+    ``skipped`` are the travels (by the visit they lead to) on which a place went unnoticed.
+    """
+
+    experience: Experience
+    places: tuple[int, ...]
+    readings: tuple[int, ...]
+    skipped: tuple[int, ...]
+
+    @property
+    def partition(self) -> tuple[int, ...]:
         first: dict[int, int] = {}
-        partition = tuple(first.setdefault(p, v) for v, p in enumerate(places))
-        return Truth(experience, tuple(places), partition)
+        return tuple(first.setdefault(p, v) for v, p in enumerate(self.places))
+
+    def hypothesis(self) -> Hypothesis:
+        """The true map; needs the true reading of each visit."""
+        if min(self.readings) < 0:
+            raise ValueError("a visit has no true reading")
+        partition, offsets = self.partition, []
+        stars = [
+            v.readings[i].star for v, i in zip(self.experience.visits, self.readings, strict=True)
+        ]
+        for v, first in enumerate(partition):
+            names = [(dlp.path, dlp.direction) for dlp in stars[first].dlps]
+            offsets.append(names.index((stars[v].dlps[0].path, stars[v].dlps[0].direction)))
+        return Hypothesis(partition, tuple(offsets), self.readings, doubted=self.skipped)
 
 
 def make_grid(
@@ -195,15 +214,19 @@ def observe(world: World, walk: Walk, eyes: Eyes, rng: np.random.Generator) -> T
     """Write down a walk as an experience, seen with the given eyes."""
     kept = [v for v in range(len(walk.places)) if not _is_missed(world, walk, v, eyes, rng)]
     frames = [_choose_frame(world, walk, v, eyes, rng) for v in range(len(walk.places))]
-    visits = []
+    visits, truths, skipped = [], [], []
     for order, v in enumerate(kept):
-        readings = _read_star(world, walk, v, frames[v][2], eyes, rng)
+        readings, true = _read_star(world, walk, v, frames[v][2], eyes, rng)
+        truths.append(true)
+        if order and v - kept[order - 1] > 1:
+            skipped.append(order)
         displacement = None
         if order:
             displacement = _measure(frames, range(kept[order - 1], v + 1), eyes, rng)
         visits.append(Visit(tuple(readings), displacement))
     experience = Experience(tuple(visits), "walk", slip=_slip_of(eyes))
-    return Truth.of(experience, [walk.places[v] for v in kept])
+    places = tuple(walk.places[v] for v in kept)
+    return Truth(experience, places, tuple(truths), tuple(skipped))
 
 
 def _slip_of(eyes: Eyes) -> float:
@@ -250,7 +273,7 @@ def _measure(frames, steps, eyes, rng) -> Displacement:
     return Displacement(float(pose[0]), float(pose[1]), float(theta), tuple(map(tuple, cov)))
 
 
-def _read_star(world, walk, v, frame_rad, eyes, rng) -> list[Reading]:
+def _read_star(world, walk, v, frame_rad, eyes, rng) -> tuple[list[Reading], int]:
     place = walk.places[v]
     true = [list(dlp) for dlp in world.dlps[place]]
     arrive, depart = walk.arrive[v], walk.depart[v]
@@ -260,12 +283,12 @@ def _read_star(world, walk, v, frame_rad, eyes, rng) -> list[Reading]:
         if wrong is not None:
             dlps, a, d = wrong
             if rng.random() < eyes.lost:
-                return [_write(dlps, a, d, frame_rad, 1.0, eyes, rng)]
+                return [_write(dlps, a, d, frame_rad, 1.0, eyes, rng)], -1
             weight = eyes.true_weight
             return [
                 _write(dlps, a, d, frame_rad, 1 - weight, eyes, rng),
                 _write(true, arrive, depart, frame_rad, weight, eyes, rng),
-            ]
+            ], 1
     if eyes.doubtful and rng.random() < eyes.doubtful:
         wrong = _spoil(world, place, true, arrive, depart, rng)
         if wrong is not None:
@@ -274,8 +297,8 @@ def _read_star(world, walk, v, frame_rad, eyes, rng) -> list[Reading]:
             return [
                 _write(true, arrive, depart, frame_rad, 1 - weight, eyes, rng),
                 _write(dlps, a, d, frame_rad, weight, eyes, rng),
-            ]
-    return [right]
+            ], 0
+    return [right], 0
 
 
 def _write(dlps, arrive, depart, frame_rad, weight, eyes, rng) -> Reading:
