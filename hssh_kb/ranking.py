@@ -15,7 +15,6 @@ from hssh_kb.errors import UsageError
 from hssh_kb.experience import Experience
 from hssh_kb.facts import price_of_reading
 from hssh_kb.hypothesis import Hypothesis
-from hssh_kb.place_graph import build_place_graph
 
 COUNT_LIMIT = 2000
 """Maps are counted by default only if there are at most so many."""
@@ -190,9 +189,9 @@ def _measure_map(experience: Experience, hypothesis: Hypothesis) -> tuple[int, i
 
 def count_map(experience: Experience, hypothesis: Hypothesis) -> tuple[int, int]:
     """Return (paths, places) of a map, the order in which minimality counts them."""
-    lived = Experience(experience.visits[: len(hypothesis.visits)], experience.source)
-    graph = build_place_graph(lived, hypothesis)
-    return len(graph.paths), len(graph.places)
+    from hssh_kb.maps import count_paths
+
+    return count_paths(experience, hypothesis), len(hypothesis.places)
 
 
 def tabulate_maps(experience: Experience, ranked: RankedMaps) -> tuple[MapRow, ...]:
@@ -207,9 +206,14 @@ def tabulate_maps(experience: Experience, ranked: RankedMaps) -> tuple[MapRow, .
         else:  # every subset-minimal map is as good as any other
             keys.append(() if ranked.minimality == "subset" else sizes[-1])
     table = list[MapRow]()
-    for number, (key, size, hypothesis) in enumerate(zip(keys, sizes, ranked.maps, strict=True), 1):
-        tied = [n for n, other in enumerate(keys, 1) if _same(other, key)]
-        table.append(MapRow(number, tied[0], len(tied), size[1], size[0], hypothesis))
+    first, last = 0, 0
+    for i, hypothesis in enumerate(ranked.maps):
+        if i == last:  # the maps come best first, so those that tie stand together
+            first = i
+            while last < len(keys) and _same(keys[last], keys[first]):
+                last += 1
+        paths, places, _ = sizes[i]
+        table.append(MapRow(i + 1, first + 1, last - first, places, paths, hypothesis))
     return tuple(table)
 
 
