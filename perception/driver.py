@@ -29,7 +29,7 @@ def drive(
     seed: int = 0,
     fov_deg: float = 180.0,
     pedestrians: int = 0,
-    controller: Controller = "route",
+    controller: Controller = "gateways",
     lidar: Lidar | None = None,
     noise: OdometryNoise | None = None,
     body: Body | None = None,

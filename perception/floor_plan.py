@@ -13,7 +13,7 @@ from perception.geometry import Array
 
 SCHEMA = "hssh.world/1"
 DOOR_STATES = ("open", "ajar", "closed")
-_LEAF_ANGLE_RAD = {"open": math.radians(95), "ajar": math.radians(35), "closed": 0.0}
+_LEAF_ANGLE_RAD = {"open": math.radians(95), "ajar": math.radians(22), "closed": 0.0}
 _TURN_OF_AXIS = {"x": 0.0, "y": math.pi / 2}
 _KINDS = ("L", "T", "+", "dead end", "other")
 _DISC_SIDES = 12

@@ -21,12 +21,14 @@ from perception.lpm import LocalMap
 from perception.robot import Robot
 from perception.topology import local_topology
 
-_EARLY_M, _LATE_M = 1.2, 3.0
-"""How much earlier or later than told a place may come."""
+_EARLY_M, _LATE_M, _ASIDE_M = 1.2, 3.0, 3.0
+"""How much earlier or later than told, or to the side, a place may come."""
 _GATEWAY_SECTOR_RAD = math.radians(50)
 _BEYOND_M = 1.0
 """Motion targets lie so far beyond the gateway."""
-_READ_EVERY_M, _READ_EVERY_RAD = 0.6, 0.6
+_READ_EVERY_M, _READ_EVERY_RAD = 0.8, 0.7
+_DUE_WITHIN_M = 2.5
+"""So near to where a place is due, the local topology is read twice as often."""
 _STUCK_TICKS = 150
 _DETOURS_RAD = np.array([0.0, *np.repeat(np.arange(1, 13) * 0.1, 2)]) * np.tile([1, -1], 13)[:25]
 
@@ -72,8 +74,7 @@ class GatewayDriver:
 
     def drive(self) -> int:
         """Drive the tour; return the index of the last place that was reached."""
-        for _ in range(math.ceil(2 * math.pi / (self._robot.body.turn_radps * 0.1))):
-            self._tick(0.0, self._robot.body.turn_radps)
+        self._look_around()
         direction = float(self._robot.odometry[2])
         last_centre = self._robot.odometry[:2].copy()
         for index, length in enumerate(self._lengths):
@@ -88,6 +89,12 @@ class GatewayDriver:
                 self._progress(index + 1, len(self._lengths))
         return len(self._lengths)
 
+    def _look_around(self) -> None:
+        """Turn once on the spot."""
+        body = self._robot.body
+        for _ in range(math.ceil(2 * math.pi / (body.turn_radps * body.tick_s))):
+            self._tick(0.0, body.turn_radps)
+
     def _travel(
         self, start: Array, length: float, direction: float, turn: float | None
     ) -> Array | None:
@@ -95,10 +102,14 @@ class GatewayDriver:
 
         ``turn`` is the turn to take there, None at the end of the tour.
         """
-        stuck = 0
-        while stuck < _STUCK_TICKS:
+        stuck = looks = 0
+        while stuck < _STUCK_TICKS or looks < 1:
+            if stuck >= _STUCK_TICKS:
+                looks, stuck = looks + 1, 0
+                self._look_around()
             here = self._robot.odometry[:2]
-            view = self._read()
+            is_near = self._advance(start, direction) > length - _DUE_WITHIN_M
+            view = self._read(_READ_EVERY_M / 2 if is_near else _READ_EVERY_M)
             direction = self._align(view, direction)
             way = float(np.hypot(*(here - start)))
             if view is not None and self._is_next(view, start, length, direction, turn):
@@ -115,9 +126,7 @@ class GatewayDriver:
     def _is_next(
         self, view: _View, start: Array, length: float, direction: float, turn: float | None
     ) -> bool:
-        """Tell whether the place in view can be the next of the tour: it is due, and one can turn
-        there as told.
-        """
+        """Tell whether the place in view can be the next: it is due, and one can turn as told."""
         if not view.at_place or not self._is_due(view, start, length, direction):
             return False
         if turn is None:  # the last place: drive right into it
@@ -129,14 +138,14 @@ class GatewayDriver:
         """Tell whether the place in view is where the next place of the tour should be."""
         shift = view.centre - start
         along = float(shift @ [math.cos(direction), math.sin(direction)])
-        across = float(np.hypot(*shift) ** 2 - along**2) ** 0.5 if np.any(shift) else 0.0
-        return length - _EARLY_M <= along <= length + _LATE_M and across < 3.0
+        across = float(shift @ [-math.sin(direction), math.cos(direction)])
+        return length - _EARLY_M <= along <= length + _LATE_M and abs(across) < _ASIDE_M
 
     def _approach(self, centre: Array, direction: float, start: Array, length: float) -> Array:
         """Drive to the centre of a place, which is seen better on the way."""
         stuck = 0
         while stuck < _STUCK_TICKS:
-            view = self._read()
+            view = self._read(_READ_EVERY_M / 2)
             if (
                 view is not None
                 and view.at_place
@@ -245,12 +254,12 @@ class GatewayDriver:
         self._scan_odometry = self._robot.odometry.copy()
         self._map.update(self._scan_odometry, self._robot.ranges_m, self._robot.angles_rad)
 
-    def _read(self) -> _View | None:
+    def _read(self, every_m: float) -> _View | None:
         """Return the local topology, read anew after some travel or turning."""
         here = self._robot.odometry
         if self._read_at is not None:
             moved = between(self._read_at, here)
-            is_near = float(np.hypot(moved[0], moved[1])) < _READ_EVERY_M
+            is_near = float(np.hypot(moved[0], moved[1])) < every_m
             if is_near and abs(moved[2]) < _READ_EVERY_RAD:
                 return self._view
         self._read_at = here.copy()
