@@ -332,7 +332,9 @@ def test_interrupted(hssh, monkeypatch):
 
 
 def test_a_reader_that_goes_away_is_no_fault():
-    script = "import sys; from hssh_kb.cli import main_and_exit as m; sys.argv[1:] = ['axioms']; m()"
+    script = (
+        "import sys; from hssh_kb.cli import main_and_exit as m; sys.argv[1:] = ['axioms']; m()"
+    )
     process = subprocess.Popen(
         [sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
