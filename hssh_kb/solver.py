@@ -9,6 +9,7 @@ from typing import Generic, TypeVar
 
 import clingo
 import clingo.backend
+from clingo import ast
 
 from hssh_kb.errors import InternalError
 
@@ -274,3 +275,60 @@ def solve_minimal(
     minimal = _MinimalSets(control, levels, convert, limit, end)
     minimal.collect(0, [])
     return Models(tuple(minimal.found), minimal.complete)
+
+
+def parse_facts(text: str) -> list[tuple[str, int, str]]:
+    """Read a text of facts: (predicate, arity, text of the atom) each.
+
+    Raises
+    ------
+    ValueError : not a text of ground facts; says where and what is wrong.
+    """
+    facts: list[tuple[str, int, str]] = []
+    messages: list[str] = []
+    kinds: list[str] = []
+
+    def note(statement: ast.AST) -> None:
+        if statement.ast_type == ast.ASTType.Rule and not statement.body:
+            head = statement.head
+            if head.ast_type == ast.ASTType.Literal and head.sign == ast.Sign.NoSign:
+                atom = head.atom
+                if atom.ast_type == ast.ASTType.SymbolicAtom:
+                    return
+        if statement.ast_type not in (ast.ASTType.Program, ast.ASTType.Comment):
+            kinds.append(f"line {statement.location.begin.line}: {statement} is not a fact")
+
+    def log(_: clingo.MessageCode, message: str) -> None:
+        messages.append(message.strip().replace("<string>:", "line "))
+
+    try:
+        ast.parse_string(text, note, logger=log)
+        if kinds:
+            raise ValueError("; ".join(kinds[:5]))
+        control = clingo.Control(["--warn=none"], logger=log)
+        control.add("base", [], text)
+        control.ground([("base", [])])
+    except RuntimeError:
+        raise ValueError("; ".join(messages[:5]).replace("<block>:", "line ")) from None
+    for atom in control.symbolic_atoms:
+        symbol = atom.symbol
+        facts.append((symbol.name, len(symbol.arguments), str(symbol)))
+    return sorted(facts)
+
+
+@dataclass(frozen=True)
+class Term:
+    """A ground term: functor and the texts of its arguments."""
+
+    name: str
+    arguments: tuple[str, ...]
+
+
+def read_term(symbol: Symbol) -> Term:
+    """Return functor and arguments of a symbol, strings without their quotes."""
+    return Term(symbol.name, tuple(show_term(argument) for argument in symbol.arguments))
+
+
+def show_term(symbol: Symbol) -> str:
+    """Return the text of a symbol, a string without its quotes."""
+    return symbol.string if symbol.type == clingo.SymbolType.String else str(symbol)

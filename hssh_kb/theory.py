@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
@@ -43,6 +43,7 @@ class Axiom:
     file : name of the file in the axiom directory.
     reads : the predicates it judges.
     clauses : the heads by which it is violated, one a clause.
+    arguments : the variables of each head; a letter stands for a sort.
     """
 
     number: int
@@ -54,6 +55,7 @@ class Axiom:
     file: str
     reads: tuple[str, ...]
     clauses: tuple[str, ...]
+    arguments: Mapping[str, tuple[str, ...]] = field(default_factory=dict, compare=False)
 
 
 @cache
@@ -162,7 +164,7 @@ def _parse_axiom(path: Path) -> Axiom:
     )
     if missing:
         raise InternalError(f"{path}: the header lacks {', '.join(sorted(missing))}")
-    clauses = re.findall(r"violation\(\w+, (\w+)", fields["Derives"])
+    heads = re.findall(r"violation\(\w+, (\w+)(?:\(([^)]*)\))?\)", fields["Derives"])
     return Axiom(
         number=int(fields["Number"]),
         name=fields["Name"],
@@ -172,5 +174,6 @@ def _parse_axiom(path: Path) -> Axiom:
         status=fields["Status"],
         file=path.name,
         reads=tuple(re.findall(r"\w+/\d+", fields["Reads"])),
-        clauses=tuple(clauses),
+        clauses=tuple(name for name, _ in heads),
+        arguments={name: tuple(inside.split(",")) if inside else () for name, inside in heads},
     )

@@ -1,0 +1,129 @@
+"""Each clause of each axiom has a smallest witness that breaks only that axiom, and is needed."""
+
+import pytest
+
+from hssh_kb.experience import make_experience
+from hssh_kb.finished import check_claim, check_map_facts
+from hssh_kb.hypothesis import Hypothesis
+from hssh_kb.theory import list_axioms, read_messages
+
+PLUS = ["a+1", "b+1", "a-1", "b-1"]
+CORNER = ["c+1", "d+1", "c-0", "d-0"]
+TURN = (CORNER, 2, 1)  # comes in through c+, faces c-, leaves along d+
+
+FACTS = {
+    ("dstate_unique", "nowhere"): "dstate(q). along(q,h,plus).",
+    ("dstate_unique", "no_path"): "dstate(q). at(q,a).",
+    ("dstate_unique", "two_places"): "at(q,a). at(q,b). along(q,h,plus). on(h,a). on(h,b).",
+    ("dstate_unique", "two_paths"): "at(q,a). along(q,h,plus). along(q,g,plus). on(h,a). on(g,a).",
+    ("turn_keeps_place", "turn"): "schema(q,right,r). is_turn(right). at(q,a). at(r,b).",
+    ("travel_keeps_path", "travel"): (
+        "schema(q,go,r). is_travel(go). along(q,h,plus). along(r,g,plus)."
+    ),
+    ("turn_around_reverses", "turn_around"): (
+        "schema(q,about,r). is_turn_around(about). along(q,h,plus). along(r,h,plus)."
+    ),
+    ("place_on_path", "off"): "at(q,a). along(q,h,plus).",
+    ("travel_orders", "unordered"): (
+        "schema(q,go,r). is_travel(go). at(q,a). at(r,b). along(q,h,plus). along(r,h,plus). "
+        "on(h,a). on(h,b)."
+    ),
+    ("order_on_path", "off"): "order(h,plus,a,b). order(h,minus,b,a). on(h,a).",
+    ("order_irreflexive", "itself"): "order(h,plus,a,a). order(h,minus,a,a). on(h,a).",
+    ("order_reverses", "one_way"): "order(h,plus,a,b). on(h,a). on(h,b).",
+    ("order_transitive", "gap"): (
+        "order(h,plus,a,b). order(h,plus,b,c). order(h,minus,b,a). order(h,minus,c,b). "
+        "on(h,a). on(h,b). on(h,c)."
+    ),
+    ("travel_function", "two_results"): "schema(q,go,r). schema(q,go,s).",
+    ("alpha", "blocked"): (
+        "star(a,0,h,plus,0). star(a,1,h,minus,1). order(h,plus,a,b). order(h,minus,b,a). "
+        "on(h,a). on(h,b)."
+    ),
+}
+
+
+def loop(last):
+    """Out along a+, round a corner, and back into the first place, seen as ``last``."""
+    return make_experience([(PLUS, None, 0), TURN, last]), Hypothesis((0, 1, 0), (0, 0, 0))
+
+
+CLAIMS = {
+    ("star_isomorphism", "size"): loop((["a+1", "b+1", "c+1", "a-1", "b-1", "c-1"], 4, None)),
+    ("star_isomorphism", "alpha"): loop((["a+1", "b+1", "a-1", "b-0"], 3, None)),
+    ("star_isomorphism", "opposite"): loop((["a+1", "a-1", "b+1", "b-1"], 2, None)),
+    ("travel_function", "two_outcomes"): (
+        make_experience([(PLUS, None, 0), TURN, (PLUS, 3, 0), (CORNER, 2, None)]),
+        Hypothesis((0, 1, 0, 3), (0, 0, 0, 0)),
+    ),
+    ("reversibility", "two_ways_in"): (
+        make_experience([(PLUS, None, 0), (PLUS, 0, 1), TURN, (PLUS, 0, None)]),
+        Hypothesis((0, 1, 2, 1), (0, 0, 0, 0)),
+    ),
+    ("reversibility", "not_back"): (
+        make_experience([(PLUS, None, 0), (PLUS, 0, 2), (PLUS, 0, None)]),
+        Hypothesis((0, 1, 2), (0, 0, 0)),
+    ),
+    ("order_irreflexive", "twice"): (
+        make_experience([(PLUS, None, 0), (PLUS, 0, 0), (PLUS, 0, None)]),
+        Hypothesis((0, 1, 0), (0, 0, 0)),
+    ),
+    # Two loops through one crossing, from a+ round to a- and from b+ round to b-: a torus.
+    ("planarity", "genus"): (
+        make_experience([(PLUS, None, 0), TURN, TURN, (PLUS, 0, 1), TURN, TURN, (PLUS, 1, None)]),
+        Hypothesis((0, 1, 2, 0, 4, 5, 0), (0,) * 7),
+    ),
+}
+
+
+def broken(findings):
+    return {finding.axiom for finding in findings}
+
+
+def clauses(findings):
+    return {(finding.axiom, finding.witness.partition("(")[0]) for finding in findings}
+
+
+@pytest.mark.parametrize("clause", sorted(FACTS), ids=":".join)
+def test_facts_break_only_this_axiom(clause):
+    findings = check_map_facts(FACTS[clause])
+    assert broken(findings) == {clause[0]}
+    assert clauses(findings) == {clause}
+
+
+@pytest.mark.parametrize("clause", sorted(CLAIMS), ids=":".join)
+def test_claimed_map_breaks_only_this_axiom(clause):
+    findings = check_claim(*CLAIMS[clause])
+    assert broken(findings) == {clause[0]}
+    assert clause in clauses(findings)
+
+
+def test_a_gateway_that_leads_into_itself_is_irreversible():
+    # Such a travel also leads from a place to itself, so axiom 8 forbids it too; the clause is
+    # what forbids it where axiom 8 is switched off.
+    experience = make_experience([(PLUS, None, 0), (PLUS, 2, None)])
+    findings = check_claim(experience, Hypothesis((0, 0), (0, 0)))
+    assert ("reversibility", "into_itself") in clauses(findings)
+    assert broken(findings) <= {"reversibility", "order_irreflexive", "dstate_unique"}
+
+
+def test_every_clause_has_a_witness():
+    stated = {(axiom.name, clause) for axiom in list_axioms() for clause in axiom.clauses}
+    assert stated == set(FACTS) | set(CLAIMS) | {("reversibility", "into_itself")}
+
+
+def test_messages_agree_with_the_clauses():
+    stated = {(axiom.name, clause) for axiom in list_axioms() for clause in axiom.clauses}
+    told = {(name, clause) for name, texts in read_messages().items() for clause in texts}
+    assert told == stated | {("star_isomorphism", "none")}
+
+
+def test_good_maps_satisfy_every_axiom():
+    walk = make_experience([(PLUS, None, 0), TURN, (PLUS, 3, None)])
+    assert check_claim(walk, Hypothesis((0, 1, 0), (0, 0, 0))) == ()
+    whole = (
+        "dstate(q). dstate(r). at(q,a). at(r,b). along(q,h,plus). along(r,h,plus). "
+        "on(h,a). on(h,b). "
+        "schema(q,go,r). is_travel(go). order(h,plus,a,b). order(h,minus,b,a). star(a,0,h,plus,1)."
+    )
+    assert check_map_facts(whole) == ()
