@@ -16,7 +16,7 @@ from perception.geometry import Array, transform_points
 
 CELL_M = 0.05
 """Cell of the likelihood field, metres."""
-FIELD_SIGMA_M = 0.10
+FIELD_SIGMA_M = 0.06
 """Width of the likelihood around a surface in the search, metres."""
 COARSE = 4
 """Cells of the fine field that a step of the coarse search spans."""
@@ -140,6 +140,17 @@ class Reference:
         shape = cells.max(0) + pad
         free = np.ones((int(shape[1]), int(shape[0])), np.uint8)
         free[cells[:, 1], cells[:, 0]] = 0
+        # far walls are hit here and there only: without the strokes between, near and dense
+        # stretches of a wall would draw the scan towards them
+        sparse = self.lines.spacing_m > CELL_M
+        middle, normal = self.lines.points[sparse], self.lines.normals[sparse]
+        half = (
+            0.5
+            * self.lines.spacing_m[sparse, None]
+            * np.column_stack([normal[:, 1], -normal[:, 0]])
+        )
+        ends = np.stack([middle - half, middle + half], axis=1) - self.origin
+        cv2.polylines(free, list(np.floor(ends / CELL_M).astype(np.int32)), False, 0)
         distance = cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_5) * np.float32(CELL_M)
         field = np.exp(-0.5 * (distance / np.float32(FIELD_SIGMA_M)) ** 2)
         return np.asarray(field, np.float32)
