@@ -112,6 +112,7 @@ def build_from_log(
     """
     from hssh_kb.kb import KnowledgeBase
     from hssh_kb.perceive import make_experience
+    from perception.expectation import expect_readings
     from perception.localise import covariance_between
     from perception.mapping import draw_map
     from perception.places import detect_places
@@ -131,6 +132,7 @@ def build_from_log(
             f"{log.source}: no place was found along the drive ({len(log)} scans); a drive has to "
             "pass a corridor crossing, a corner or a dead end"
         )
+    visits = expect_readings(visits, local.poses)
     experience = make_experience(
         visits,
         local.poses,

@@ -149,6 +149,10 @@ class _Candidate:
             self.reviews.append(sighting)
 
     @property
+    def confirmations(self) -> int:
+        return len(self.sightings) + len(self.reviews)
+
+    @property
     def centre_m(self) -> Array:
         return np.asarray(np.mean([s.centre_m for s in self.sightings], axis=0))
 
@@ -247,7 +251,7 @@ def detect_places(
                 open_.remove(candidate)
                 done.append(candidate)
     done += open_
-    confirmed = [c for c in done if len(c.sightings) >= settings.confirmations]
+    confirmed = [c for c in done if c.confirmations >= settings.confirmations]
     passages = _merge_returns([_passage(c, poses) for c in confirmed], poses, settings)
     visits = (_commit(p, poses, settings, len(log)) for p in passages)
     return tuple(visit for visit in visits if visit is not None)
@@ -401,7 +405,12 @@ def _vote(
                 group.reading, group.headings_rad, group.gateways_m = reading, headings, gates
                 group.best_vote = vote
     total = sum(group.votes for group in groups)
-    return [(group, group.votes / total) for group in groups]
+    return [(g, g.votes / total) for g in groups if not _is_path(g.reading.star)]
+
+
+def _is_path(star: Star) -> bool:
+    """Tell whether a star is that of a bare path: two gateways, one local-path."""
+    return len(star) == 2 and all(star.alpha)
 
 
 def _dlp_gateways(reading: StarReading, sighting: Sighting) -> Array:
