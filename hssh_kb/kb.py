@@ -12,7 +12,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from hssh_kb.errors import InputError
-from hssh_kb.experience import Experience, load_trace
+from hssh_kb.experience import Experience
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.place_graph import Place, PlaceGraph, build_place_graph
 from hssh_kb.ranking import MapRow, RankedBy, RankedMaps, rank_maps, tabulate_maps
@@ -91,11 +91,10 @@ class KnowledgeBase:
         ------
         InputError : neither of the two, or damaged; says what to do.
         """
-        from hssh_kb.store import is_knowledge_base, load_kb
+        from hssh_kb.store import read_kb_or_trace
 
-        if is_knowledge_base(path):
-            return load_kb(path)
-        return cls.from_experience(load_trace(path))
+        found = read_kb_or_trace(path)
+        return found if isinstance(found, KnowledgeBase) else cls.from_experience(found)
 
     def save(self, path: str | FilePath) -> None:
         """Write the knowledge base to one file, whole or not at all."""

@@ -20,8 +20,13 @@ from typing import Any
 import numpy as np
 
 from hssh_kb.errors import InputError
-from hssh_kb.experience import experience_from_data, experience_to_data
-from hssh_kb.files import replace_file
+from hssh_kb.experience import (
+    Experience,
+    experience_from_data,
+    experience_to_data,
+    load_trace,
+)
+from hssh_kb.files import looks_like_json, replace_file
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.kb import KnowledgeBase
 from hssh_kb.ranking import RankedMaps
@@ -77,6 +82,27 @@ def is_knowledge_base(path: str | Path) -> bool:
         ) from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+
+
+def read_kb_or_trace(path: str | Path) -> KnowledgeBase | Experience:
+    """Read a knowledge base or a trace, told apart by content.
+
+    Raises
+    ------
+    InputError : neither of the two, or damaged; says what to do.
+    """
+    if is_knowledge_base(path):
+        return load_kb(path)
+    if Path(path).stat().st_size and not looks_like_json(path) and not _is_blank(path):
+        raise InputError(
+            f"{path}: is neither a knowledge base nor a trace (JSON); a log becomes a knowledge "
+            f"base with 'hssh build {path}'"
+        )
+    return load_trace(path)
+
+
+def _is_blank(path: str | Path) -> bool:
+    return not Path(path).read_bytes().strip()
 
 
 def save_kb(kb: KnowledgeBase, path: str | Path) -> None:

@@ -64,10 +64,13 @@ def run(args: argparse.Namespace) -> int:
     """Build and save."""
     from hssh_kb.answers import document_build
     from hssh_kb.kb import KnowledgeBase
+    from hssh_kb.store import is_knowledge_base
 
     source = Path(args.input)
     target = Path(args.output) if args.output else Path(name_output(source))
     _check_target(source, target)
+    if is_knowledge_base(source):
+        raise InputError(f"{source}: is a knowledge base already; 'hssh maps {source}' reads it")
     options = _gather_options(args, source)
     with show_progress(f"building {target}") as report:
         kb = KnowledgeBase.build(source, progress=report, **options)

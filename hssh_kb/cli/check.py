@@ -42,13 +42,14 @@ def run(args: argparse.Namespace) -> int:
     """Check and print the violations."""
     from hssh_kb.answers import document_check
     from hssh_kb.check import check
-    from hssh_kb.experience import load_trace
-    from hssh_kb.store import is_knowledge_base, load_kb
+    from hssh_kb.kb import KnowledgeBase
+    from hssh_kb.store import read_kb_or_trace
 
-    if is_knowledge_base(args.input):
-        experience = load_kb(args.input).experience
+    found = read_kb_or_trace(args.input)
+    if isinstance(found, KnowledgeBase):
+        experience = found.experience
     else:
-        experience = load_trace(args.input)
+        experience = found
         tell_notices(experience.notices)
     with show_progress("checking"):
         answer = check(experience, assumptions=args.assume, budget_s=args.budget)

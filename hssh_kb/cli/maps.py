@@ -59,15 +59,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Rank the maps and print them."""
     from hssh_kb.answers import document_maps
-    from hssh_kb.experience import load_trace
+    from hssh_kb.kb import KnowledgeBase
     from hssh_kb.ranking import rank_maps
-    from hssh_kb.store import is_knowledge_base, load_kb
+    from hssh_kb.store import read_kb_or_trace
 
     if args.verbose and args.json:
         raise UsageError("-v has no effect with --json, which always holds the terms")
     asked = args.all or args.minimal or args.no_planarity or args.no_order
-    stored = load_kb(args.input) if is_knowledge_base(args.input) else None
-    experience = stored.experience if stored else load_trace(args.input)
+    found = read_kb_or_trace(args.input)
+    stored = found if isinstance(found, KnowledgeBase) else None
+    experience = found.experience if isinstance(found, KnowledgeBase) else found
     tell_notices(() if stored else experience.notices)
     if stored and not asked and (not args.best or args.best <= len(stored.hypotheses)):
         if args.budget:

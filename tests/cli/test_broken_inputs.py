@@ -92,7 +92,8 @@ TRACES = {
     "only blanks": (lambda p: p.write_bytes(b" \n\n"), "empty"),
     "a directory": (lambda p: p.mkdir(), "directory"),
     "missing": (lambda p: None, "no such file"),
-    "garbage": (lambda p: p.write_bytes(random.Random(1).randbytes(4000)), "UTF-8"),
+    "garbage": (lambda p: p.write_bytes(random.Random(1).randbytes(4000)), "neither"),
+    "a log": (lambda p: p.write_text("ODOM 1 2 3\n"), "hssh build"),
     "nested too deeply": (lambda p: p.write_text("[" * 100_000), "trace.json"),
     "a list": (lambda p: p.write_text("[1, 2]"), "object"),
 }
@@ -289,4 +290,4 @@ def test_broken_images(hssh, tmp_path, case):
 
 def test_a_knowledge_base_is_no_input_to_build(hssh, tmp_path):
     path = write_torn_kb(tmp_path / "office.hssh")
-    assert_bad_input(hssh("build", path, "-o", tmp_path / "x.hssh"), path)
+    assert_bad_input(hssh("build", path, "-o", tmp_path / "x.hssh"), path, "already")
