@@ -15,8 +15,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import numpy as np
-
 from hssh_kb.consistency import MapState, Refusal, check_star
 from hssh_kb.errors import InputError
 from hssh_kb.experience import Experience, Reading, Visit
@@ -313,31 +311,16 @@ class MapTree:
         """
         state, v = self.state_of(node), node.visit + 1
         prediction = self.predict(state, v)
-        gap, spread = prediction.measure_all()
         depart = self.leave(state, v)
         forced = None if depart is None else state.judge.follow(state.place, depart)
-        near = self._gate(prediction, gap, spread)
+        gate = -math.log(self.score.area_m2) - GATE_NATS
+        near = (self.score.expect_closures(prediction) > gate).tolist()
         fixed = forced[0] if forced else -1
         if not far:
-            yield from self._new_places(
-                state, prediction, v, depart, forced is not None, (gap, spread), lean
-            )
+            yield from self._new_places(state, prediction, v, depart, forced is not None, lean)
         for place in range(len(state.firsts)):
-            if (bool(near[place]) or place == fixed) != far:
+            if (near[place] or place == fixed) != far:
                 yield from self._closures(state, prediction, v, depart, place, lean)
-
-    def _gate(self, prediction: Prediction, gap: np.ndarray, spread: np.ndarray) -> np.ndarray:
-        if prediction.unknown:
-            return np.ones(len(gap), bool)
-        extra = self.score.spread_m**2 + 1e-12
-        a, b, d = spread[:, 0, 0] + extra, spread[:, 0, 1], spread[:, 1, 1] + extra
-        det = np.maximum(a * d - b * b, 1e-24)
-        x, y = gap[:, 0], gap[:, 1]
-        chi2 = (d * x * x - 2 * b * x * y + a * y * y) / det
-        if self.score.outlier:
-            chi2 = chi2 / 9
-        worth = -0.5 * chi2 - 0.5 * np.log(det) - math.log(2 * math.pi)
-        return np.asarray(worth > -math.log(self.score.area_m2) - GATE_NATS)
 
     def _price(self, reading_weight: float, doubted: bool) -> tuple[float, float]:
         slip = self.score.slip
@@ -351,10 +334,9 @@ class MapTree:
         v: int,
         depart: int | None,
         taken: bool,
-        measured: tuple[np.ndarray, np.ndarray],
         lean: bool,
     ) -> Iterator[Option]:
-        layout, exclusion = self.score.weigh_new(prediction, *measured)
+        layout, exclusion = self.score.weigh_new(prediction)
         place = len(state.firsts)
         for i, reading in enumerate(self.visits[v].readings):
             if lean and i:
@@ -453,8 +435,7 @@ class MapTree:
         depart = self.leave(state, v)
         if decision.place == len(state.firsts):
             taken = depart is not None and state.judge.follow(state.place, depart) is not None
-            measured = prediction.measure_all()
-            for option in self._new_places(state, prediction, v, depart, taken, measured, False):
+            for option in self._new_places(state, prediction, v, depart, taken, False):
                 if option.decision == decision:
                     return option
             return None

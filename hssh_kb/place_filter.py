@@ -53,7 +53,7 @@ class PlaceFilter:
         if displacement is None:
             far = (_FAR_M * length_m) ** 2
             cov = np.diag([far, far, (2 * math.pi) ** 2])
-            return Prediction(self, (x, y, theta), cov, np.zeros_like(head), True)
+            return Prediction.of(self, (x, y, theta), cov, np.zeros_like(head), True)
         c, s = math.cos(theta), math.sin(theta)
         lever_x = c * displacement.x - s * displacement.y
         lever_y = s * displacement.x + c * displacement.y
@@ -76,7 +76,7 @@ class PlaceFilter:
         cov[2, 1] += yt
         cov[2, 2] += g
         pose = (x + lever_x, y + lever_y, theta + displacement.theta)
-        return Prediction(self, pose, cov, cross, False)
+        return Prediction.of(self, pose, cov, cross, False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,26 +95,46 @@ class Innovation:
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """The next visit before it is told which place it is; see :meth:`PlaceFilter.predict`."""
+    """The next visit before it is told which place it is; see :meth:`PlaceFilter.predict`.
+
+    Attributes
+    ----------
+    filter : what was known before the travel.
+    pose : of the visit, in the frame of place 0.
+    cov : (3, 3) of the pose.
+    cross : (3, 3n + 3) covariance of the pose with everything known.
+    unknown : the displacement is unknown.
+    gap : (n, 3) pose of the visit minus pose of each place.
+    spread : (n, 3, 3) covariance of the gaps.
+    """
 
     filter: PlaceFilter
     pose: tuple[float, float, float]
     cov: Array
     cross: Array
     unknown: bool
+    gap: Array
+    spread: Array
+    _gaps: list[list[float]]
+    _spreads: list[list[list[float]]]
 
-    def measure_all(self) -> tuple[Array, Array]:
-        """Return the offsets (n, 2) of the visit from each place and their covariances (n, 2, 2).
-
-        One pass over all places, for gating.
-        """
-        mean, cov = self.filter.mean, self.filter.cov
-        n = len(mean) - 1
-        gap = np.array(self.pose[:2]) - mean[1:, :2]
-        blocks = cov.reshape(n + 1, 3, n + 1, 3)
-        own = np.einsum("iaib->iab", blocks)[1:, :2, :2]
-        cross = self.cross.reshape(3, n + 1, 3)[:2, 1:, :2].transpose(1, 0, 2)
-        return gap, self.cov[:2, :2] + own - cross - cross.transpose(0, 2, 1)
+    @classmethod
+    def of(
+        cls,
+        known: PlaceFilter,
+        pose: tuple[float, float, float],
+        cov: Array,
+        cross: Array,
+        unknown: bool,
+    ) -> Prediction:
+        """Return the prediction, measured against all places at once."""
+        n = len(known.mean) - 1
+        blocks = known.cov.reshape(n + 1, 3, n + 1, 3)
+        own = np.einsum("iaib->iab", blocks)[1:]
+        across = cross.reshape(3, n + 1, 3)[:, 1:].transpose(1, 0, 2)
+        gap = np.array(pose) - known.mean[1:]
+        spread = cov + own - across - across.transpose(0, 2, 1)
+        return cls(known, pose, cov, cross, unknown, gap, spread, gap.tolist(), spread.tolist())
 
     def measure(self, place: int, turn_rad: float) -> Innovation:
         """Return the innovation if the visit is at a place.
@@ -124,14 +144,9 @@ class Prediction:
         place : number of the place.
         turn_rad : direction of the frame of the visit in the frame of the place.
         """
-        b = 3 * place + 3
-        mean = self.filter.mean[place + 1].tolist()
-        own = self.filter.cov[b : b + 3, b : b + 3]
-        cross = self.cross[:, b : b + 3]
-        cov = (self.cov + own - cross - cross.T).tolist()
-        turn = self.pose[2] - mean[2] - turn_rad
-        turn = (turn + math.pi) % (2 * math.pi) - math.pi
-        return Innovation((self.pose[0] - mean[0], self.pose[1] - mean[1], turn), cov)
+        x, y, turn = self._gaps[place]
+        turn = (turn - turn_rad + math.pi) % (2 * math.pi) - math.pi
+        return Innovation((x, y, turn), self._spreads[place])
 
     def found_place(self) -> PlaceFilter:
         """Return the filter with the visit as a new place."""
@@ -158,18 +173,18 @@ class Prediction:
             an infinite heading variance leaves the heading unmeasured.
         """
         rows = 2 if math.isinf(noise[2]) else 3
-        innovation = self.measure(place, turn_rad)
+        residual = self.measure(place, turn_rad).residual[:rows]
         cov = self.filter.cov.copy()
         cov[:3], cov[:, :3] = self.cross, self.cross.T
         cov[:3, :3] = self.cov
         b = 3 * place + 3
         gain = cov[:, :rows] - cov[:, b : b + rows]
-        spread = np.array(innovation.cov)[:rows, :rows] + np.diag(noise[:rows])
+        spread = self.spread[place, :rows, :rows] + np.diag(noise[:rows])
         root = np.linalg.inv(np.linalg.cholesky((spread + spread.T) / 2))
         shrink = gain @ root.T
         mean = self.filter.mean.copy()
         mean[0] = self.pose
-        mean -= (shrink @ (root @ np.array(innovation.residual[:rows]))).reshape(-1, 3)
+        mean -= (shrink @ (root @ np.array(residual))).reshape(-1, 3)
         # W W' keeps the covariance symmetric; gain S^-1 gain' loses it bit by bit and blows up.
         cov -= shrink @ shrink.T
         return PlaceFilter(mean, cov)

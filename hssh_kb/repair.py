@@ -14,6 +14,8 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from hssh_kb.map_tree import Decision, MapTree, Node, Option
 
 _WORTH_NATS = 4.0
@@ -117,26 +119,21 @@ def propose_repairs(
 def _propose_readings(tree: MapTree, node: Node, best: float) -> Iterator[Repair]:
     """Yield the repairs that read a place anew so that the next visit can be it."""
     state, v = tree.state_of(node), node.visit + 1
-    if all(len(visit.readings) == 1 for visit in tree.visits):
-        return
-    prediction = tree.predict(state, v)
-    for place, first in enumerate(state.firsts):
-        current = state.place_readings[place]
-        others = [j for j in range(len(tree.visits[first].readings)) if j != current]
-        if not others:
+    worth = tree.score.expect_closures(tree.predict(state, v))
+    for place in np.flatnonzero(worth > best - 2 * _WORTH_NATS).tolist():
+        first, current = state.firsts[place], state.place_readings[place]
+        stars = tree.visits[first].readings
+        if len(stars) == 1:
             continue
-        innovation = prediction.measure(place, 0.0)
-        layout = tree.score.weigh_closure(prediction, innovation, math.inf)[0]
-        if layout < best - 2 * _WORTH_NATS:
-            continue
-        told = {tree.visits[first].readings[j].weight: j for j in others}
-        for weight, j in sorted(told.items(), reverse=True):
-            swap = math.log(weight / tree.visits[first].readings[current].weight)
+        for j in sorted(range(len(stars)), key=lambda j: -stars[j].weight):
+            swap = math.log(stars[j].weight / stars[current].weight)
+            if j == current:
+                continue
             for i, reading in enumerate(tree.visits[v].readings):
                 if not tree.isomorphisms(v, i, first, j):
                     continue
                 if tree.isomorphisms(v, i, first, current) and swap < 0:
                     continue
-                estimate = node.score + layout + swap + math.log(reading.weight)
+                estimate = node.score + float(worth[place]) + swap + math.log(reading.weight)
                 yield Repair(node, -1, place, j, Decision(place, 0, i, False), estimate)
                 break

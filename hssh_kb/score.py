@@ -82,25 +82,35 @@ class Score:
         if not 0 <= self.slip < 1 or not 0 <= self.outlier < 1:
             raise InputError("score: slip and outlier are probabilities below 1")
 
-    def weigh_new(self, prediction: Prediction, gap: Array, spread: Array) -> tuple[float, float]:
-        """Return the layout and exclusion addends of a new place.
-
-        Parameters
-        ----------
-        prediction : where the visit is.
-        gap, spread : offsets from all places and their covariances, from ``measure_all``.
-        """
+    def weigh_new(self, prediction: Prediction) -> tuple[float, float]:
+        """Return the layout and exclusion addends of a new place."""
         layout = -math.log(self.area_m2)
         if prediction.unknown:
             return layout, 0.0
+        gap, spread = prediction.gap, prediction.spread
         reach = self.spacing_m + 4 * np.sqrt(spread[:, 0, 0] + spread[:, 1, 1])
         near = np.flatnonzero(gap[:, 0] ** 2 + gap[:, 1] ** 2 < reach**2)
         exclusion = 0.0
         for i in near.tolist():
-            exclusion += self._weigh_exclusion(gap[i].tolist(), spread[i].tolist())
+            innovation = prediction.measure(i, 0.0)
+            exclusion += self._weigh_exclusion(innovation.residual, innovation.cov)
         return layout, max(exclusion, self.floor)
 
-    def _weigh_exclusion(self, gap: list[float], cov: list[list[float]]) -> float:
+    def expect_closures(self, prediction: Prediction) -> Array:
+        """Return the layout addend (n,) of a closure at each place, outliers aside."""
+        if prediction.unknown:
+            return np.full(len(prediction.gap), -math.log(self.area_m2))
+        gap, spread = prediction.gap, prediction.spread
+        extra = self.spread_m**2 + 1e-12
+        a, b, d = spread[:, 0, 0] + extra, spread[:, 0, 1], spread[:, 1, 1] + extra
+        det = np.maximum(a * d - b * b, 1e-24)
+        x, y = gap[:, 0], gap[:, 1]
+        chi2 = (d * x * x - 2 * b * x * y + a * y * y) / det
+        if self.outlier:
+            chi2 = np.minimum(chi2, chi2 / 9 + 8.0)
+        return np.asarray(-0.5 * chi2 - 0.5 * np.log(det) - _LOG_2PI)
+
+    def _weigh_exclusion(self, gap: Sequence[float], cov: list[list[float]]) -> float:
         """Return log P(not within spacing_m), the disc taken as a square of equal area."""
         extra = 2 * self.spread_m**2 + 1e-12
         a, b, d = cov[0][0] + extra, cov[0][1], cov[1][1] + extra

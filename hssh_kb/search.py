@@ -19,15 +19,19 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from hssh_kb.errors import InputError
 from hssh_kb.experience import Experience, Visit
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.map_tree import MapTree, Node
 from hssh_kb.repair import Repair, propose_repairs
+from hssh_kb.revise import revise_map
 from hssh_kb.score import Score, estimate_score
 
 RIVAL_NATS = 12.0
-_STUCK = 24
+_STUCK = 24  # expansions without getting deeper, before other depths are tried in turn
+_LOST = 400  # ... before the best map is completed as it is, to be revised as a whole
 _MORE_EFFORT = 1.3  # of the work until the first complete map, to look for rivals
 
 
@@ -95,6 +99,8 @@ class TreeOfMaps:
         self.tree = MapTree(score, **self._keywords)
         self._heaps: list[list[_Item]] = []
         self._change: list[float | None] = []
+        self._tops, self._hopes = np.zeros(0), np.zeros(0)
+        self._prospect = -math.inf
         self._reserve: list[_Item] = []
         self._seen: set[object] = set()
         self._serial = 0
@@ -112,6 +118,8 @@ class TreeOfMaps:
         self._visits.append(visit)
         self._heaps.append([])
         self._change.append(None)
+        self._tops = np.append(self._tops, -math.inf)
+        self._hopes = np.append(self._hopes, 0.0)
         for root in self.tree.add_visit(visit):
             self._queue(root)
 
@@ -147,6 +155,14 @@ class TreeOfMaps:
     def _push(self, depth: int, score: float, item: Node | Repair) -> None:
         self._serial += 1
         heapq.heappush(self._heaps[depth], (-score, self._serial, item))
+        if score > self._tops[depth]:
+            self._tops[depth] = score
+
+    def _pop(self, depth: int) -> Node | Repair:
+        heap = self._heaps[depth]
+        item = heapq.heappop(heap)[2]
+        self._tops[depth] = -heap[0][0] if heap else -math.inf
+        return item
 
     def _queue(self, node: Node) -> None:
         node.queued = True
@@ -154,15 +170,12 @@ class TreeOfMaps:
 
     def _choose_depth(self) -> int | None:
         """Return the depth whose best leaf has the best prospect; None if all are complete."""
-        last = len(self._visits) - 1
-        best, chosen, total = -math.inf, None, 0.0
-        for depth in range(last - 1, -1, -1):
-            total += self._change[depth + 1] or 0.0
-            heap = self._heaps[depth]
-            if heap and total - heap[0][0] > best:
-                best, chosen = total - heap[0][0], depth
-        self._prospect = best
-        return chosen
+        prospects = self._tops[:-1] + np.cumsum(self._hopes[:0:-1])[::-1]
+        if not len(prospects):
+            return None
+        depth = int(np.argmax(prospects))
+        self._prospect = float(prospects[depth])
+        return depth if self._prospect > -math.inf else None
 
     def _choose_cyclic(self) -> int | None:
         """Return the next depth of the cycle that has a leaf to grow."""
@@ -177,7 +190,7 @@ class TreeOfMaps:
     # -- growing ---------------------------------------------------------------------------
 
     def _grow_at(self, depth: int) -> None:
-        _, _, item = heapq.heappop(self._heaps[depth])
+        item = self._pop(depth)
         if isinstance(item, Repair):
             # Every map on the way to the repaired one is a leaf that other maps may grow from.
             node: Node | None = item.carry_out(self.tree)
@@ -205,7 +218,8 @@ class TreeOfMaps:
             if best > -math.inf:
                 # A new place that nothing speaks against is the least a rival may hope for.
                 hope = max(best, -math.log(self.score.area_m2))
-                self._change[depth + 1] = hope if known is None else max(known, hope)
+                hope = hope if known is None else max(known, hope)
+                self._change[depth + 1] = self._hopes[depth + 1] = hope
             self._push(depth, node.score - math.log(self.score.area_m2) - 14.0, node)
             for repair in propose_repairs(tree, node, options, best):
                 if repair.key not in self._seen:
@@ -244,22 +258,65 @@ class TreeOfMaps:
         last = len(self._visits) - 1
         if last < 1:
             return
-        end = math.inf if budget_s is None else time.monotonic() + budget_s
+        start = time.monotonic()
+        end = math.inf if budget_s is None else start + budget_s
+        hurry = math.inf if budget_s is None else start + 0.4 * budget_s
         self._stale, limit = 0, math.inf
         while time.monotonic() < end and self.expansions < limit:
-            if self._heaps[last] and limit == math.inf:
-                limit = _MORE_EFFORT * self.expansions + 8 * best
-            depth = self._choose_depth()
-            if depth is None:
-                if self._heaps[last] or not self._open_reserve():
-                    break
-                continue
             if self._heaps[last]:
-                if self._is_settled(best):
+                if limit == math.inf:
+                    limit = _MORE_EFFORT * self.expansions + 8 * best
+                    self._revise(last, end)
+                depth = self._choose_depth()
+                if depth is None or self._is_settled(best):
                     break
-            elif self._stale > _STUCK:
-                depth = self._choose_cyclic() or depth
-            self._grow_at(depth)
+                self._grow_at(depth)
+            elif self._stale > _LOST or time.monotonic() > hurry:
+                self._revise(self._deepest, end)
+                self._dive()
+                self._stale = 0
+            elif not self._grow_somewhere(end):
+                break
+        if self._heaps[last]:
+            self._revise(last, end)
+
+    def _grow_somewhere(self, end: float) -> bool:
+        """Grow one map while none is complete; return False if none is left to grow."""
+        depth = self._choose_depth()
+        if depth is None:
+            return self._open_reserve()
+        if self._stale > _STUCK:
+            if self._stale % (4 * _STUCK) == _STUCK + 1:
+                self._revise(self._deepest, end)
+            depth = self._choose_cyclic() or depth
+        self._grow_at(depth)
+        return True
+
+    def _dive(self) -> None:
+        """Grow the best of the deepest maps, and always its best child, to the last visit."""
+        leaves = [item for _, _, item in sorted(self._heaps[self._deepest])]
+        node: Node | None = next((item for item in leaves if isinstance(item, Node)), None)
+        while node is not None and node.visit < len(self._visits) - 1:
+            if node.stage == 0:
+                self._expand(node)
+            grown = list((node.children or {}).values())
+            node = max(grown, key=lambda child: child.score, default=None)
+
+    def _revise(self, depth: int, end: float) -> None:
+        """Revise the best map of a depth as a whole; whatever that makes waits as a leaf."""
+        found = [item for _, _, item in heapq.nsmallest(4, self._heaps[depth])]
+        maps = [item for item in found if isinstance(item, Node)]
+        if not maps:
+            return
+
+        def is_over() -> bool:
+            return time.monotonic() >= end
+
+        for better in revise_map(self.tree, maps[0], is_over, self._seen):
+            node: Node | None = better
+            while node is not None and not node.queued:
+                self._queue(node)
+                node = node.parent
 
     def _is_settled(self, best: int) -> bool:
         """Return whether no waiting map has the prospect to be among the best."""

@@ -1,0 +1,188 @@
+"""Revisions of a whole map: merge places that lie on each other, split one, believe a travel.
+
+Best-first search decides visit by visit; a mistake made early is paid for much later, by when
+thousands of leaves share it. A revision takes a map that has explained many visits and threads
+them anew through a changed assignment of places; every map it makes is an ordinary node of
+the tree, judged and scored like all others.
+
+Source: ours.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from hssh_kb.map_tree import Decision, MapTree, Node, Option
+
+_WORTH_NATS = 3.0
+_MOST_MERGERS = 24
+
+
+def revise_map(
+    tree: MapTree, node: Node, is_over: Callable[[], bool], known: set[object]
+) -> Iterator[Node]:
+    """Yield maps of the same visits that beat a map, each better than the one before.
+
+    Parameters
+    ----------
+    tree, node : the map to revise.
+    is_over : tells when to stop (the budget is spent).
+    known : what was tried already, so that nothing is tried twice; added to.
+    """
+    improved = True
+    while improved and not is_over():
+        improved = False
+        for key, labels, believed in _list_moves(tree, node):
+            if is_over():
+                return
+            if (node.serial, key) in known:
+                continue
+            known.add((node.serial, key))
+            made = thread_visits(tree, node, labels, believed)
+            if made is not None and made.score > node.score + 1e-9:
+                node, improved = made, True
+                yield node
+                break
+
+
+def _list_moves(
+    tree: MapTree, node: Node
+) -> Iterator[tuple[object, list[int], frozenset[int]]]:
+    """Yield (name, place label of each visit, travels to believe if possible)."""
+    chain = node.chain()[1:]
+    labels = [one.decision.place for one in chain]
+    none: frozenset[int] = frozenset()
+    doubted = [one.visit for one in chain if one.decision.doubted]
+    for one, other in _find_near_places(tree, node):
+        merged = [one if label == other else label for label in labels]
+        yield ("merge", one, other), merged, none
+    for v in doubted:
+        yield ("believe", v), labels, frozenset((v,))
+    for one in chain:
+        if one.decision.place < one.places and sum(one.addends[:2]) < -4 * _WORTH_NATS:
+            split = list(labels)
+            split[one.visit] = max(labels) + 1
+            yield ("split", one.visit), split, none
+
+
+def _find_near_places(tree: MapTree, node: Node) -> list[tuple[int, int]]:
+    """Return the pairs of places that may well be one, the likeliest first."""
+    filter_ = tree.state_of(node).filter
+    n = len(filter_.mean) - 1
+    blocks = filter_.cov.reshape(n + 1, 3, n + 1, 3)[1:, :2, 1:, :2]
+    own = np.einsum("iaib->iab", blocks)
+    i, j = np.triu_indices(n, 1)
+    cross = blocks[i, :, j, :]
+    cov = own[i] + own[j] - cross - cross.transpose(0, 2, 1)
+    extra = 2 * tree.score.spread_m**2 + (0.05 * tree.score.length_m) ** 2
+    a, b, d = cov[:, 0, 0] + extra, cov[:, 0, 1], cov[:, 1, 1] + extra
+    gap = filter_.mean[1:, :2][i] - filter_.mean[1:, :2][j]
+    x, y = gap[:, 0], gap[:, 1]
+    det = np.maximum(a * d - b * b, 1e-24)
+    worth = -0.5 * (d * x * x - 2 * b * x * y + a * y * y) / det
+    worth -= 0.5 * np.log(det) + math.log(2 * math.pi)
+    good = np.flatnonzero(worth > -math.log(tree.score.area_m2) - _WORTH_NATS)
+    good = good[np.argsort(-worth[good], kind="stable")][:_MOST_MERGERS]
+    return [(int(i[k]), int(j[k])) for k in good]
+
+
+def thread_visits(
+    tree: MapTree, donor: Node, labels: Sequence[int], believed: frozenset[int]
+) -> Node | None:
+    """Return the map of the donor's visits under other places, None if it cannot stand.
+
+    Readings, offsets and doubts are kept where they can stand and chosen anew, greedily,
+    where they cannot.
+
+    Parameters
+    ----------
+    tree, donor : the map to start from.
+    labels : the place wanted for each visit; equal labels, one place.
+    believed : travels not to be doubted if they can stand.
+    """
+    chain = donor.chain()[1:]
+    changed = _find_changed(chain, labels)
+    number: dict[int, int] = {}
+    node = chain[0].parent
+    for one in chain:
+        v, label = one.visit, labels[one.visit]
+        place = number.get(label, -1)
+        wanted = one.decision._replace(place=place if place >= 0 else len(number))
+        if v in believed:
+            wanted = wanted._replace(doubted=False)
+        if place < 0 and label in changed:
+            wanted = wanted._replace(offset=0, reading=_choose_reading(tree, labels, v))
+        further = _follow(node, wanted, label not in changed and v not in believed)
+        if further is None:
+            further = _take_best(tree, node, wanted, place)
+        if further is None:
+            return None
+        if place < 0:
+            number[label] = wanted.place
+        node = further
+    return node
+
+
+def _find_changed(chain: Sequence[Node], labels: Sequence[int]) -> set[int]:
+    """Return the labels whose visits are not those of one place of the donor."""
+    old: dict[int, set[int]] = {}
+    new: dict[int, set[int]] = {}
+    for one in chain:
+        old.setdefault(one.decision.place, set()).add(one.visit)
+        new.setdefault(labels[one.visit], set()).add(one.visit)
+    kept = {frozenset(group) for group in old.values()}
+    return {label for label, group in new.items() if frozenset(group) not in kept}
+
+
+def _choose_reading(tree: MapTree, labels: Sequence[int], first: int) -> int:
+    """Return the reading of a first visit that the other visits of its place agree with best."""
+    group = [v for v in range(first + 1, len(labels)) if labels[v] == labels[first]]
+    best, chosen = -math.inf, 0
+    for j, reading in enumerate(tree.visits[first].readings):
+        worth = math.log(reading.weight)
+        for v in group:
+            fits = [
+                math.log(other.weight)
+                for i, other in enumerate(tree.visits[v].readings)
+                if tree.isomorphisms(v, i, first, j)
+            ]
+            worth += max(fits, default=tree.score.floor)
+        if worth > best:
+            best, chosen = worth, j
+    return chosen
+
+
+def _follow(node: Node | None, wanted: Decision, settled: bool) -> Node | None:
+    """Return the child that was made already for just this decision."""
+    if node is None or not node.children:
+        return None
+    return node.children.get(wanted) if settled or node.visit < 0 else None
+
+
+def _take_best(tree: MapTree, node: Node | None, wanted: Decision, place: int) -> Node | None:
+    """Return the best child that takes the next visit as wanted, or nearly so."""
+    if node is None or node.visit < 0:
+        return None
+    v = node.visit + 1
+    choices: list[Decision] = []
+    if place < 0:
+        choices = [wanted, wanted._replace(doubted=True)]
+    else:
+        state = tree.state_of(node)
+        first, read_as = state.firsts[place], state.place_readings[place]
+        for i in range(len(tree.visits[v].readings)):
+            for offset in tree.isomorphisms(v, i, first, read_as):
+                choices += [Decision(place, offset, i, doubt) for doubt in (False, True)]
+    best: Option | None = None
+    for choice in choices:
+        if choice.doubted and not tree.score.slip:
+            continue
+        option = tree.weigh(node, choice)
+        if option is None or option.refusal is not None:
+            continue
+        if best is None or sum(option.addends) > sum(best.addends):
+            best = option
+    return None if best is None else tree.child(node, best)
