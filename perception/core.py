@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -44,6 +44,7 @@ class Core:
     closest_px : the point of the skeleton closest to the robot.
     base_px, base_radius_px : (k, 2), (k,) the base points and their distance to obstacles.
     at_junction : whether the base points are junctions.
+    is_reached : False while the robot is still on the path to a dead end ahead.
     arms : what leads away, in no order.
     """
 
@@ -52,6 +53,7 @@ class Core:
     base_radius_px: Array
     at_junction: bool
     arms: tuple[Arm, ...]
+    is_reached: bool = True
 
     def holds(self, points_px: Array) -> Mask:
         """Return which points (n, 2) lie within the radius of a base point."""
@@ -85,7 +87,15 @@ def find_core(skeleton: Skeleton, region: Region) -> Core:
         places = np.array([node.point_px for node in nodes])
         core = Core(closest, places, np.array([node.radius_px for node in nodes]), True, ())
         return _with_arms(core, skeleton, region, _leave_junctions(skeleton, base))
-    core = Core(closest, branch.points_px[k : k + 1], branch.radius_px[k : k + 1], False, ())
+    reached = np.hypot(*(branch.points_px[k] - closest)) <= 1.5 * branch.radius_px[k] + 1.0
+    core = Core(
+        closest,
+        branch.points_px[k : k + 1],
+        branch.radius_px[k : k + 1],
+        False,
+        (),
+        bool(reached),
+    )
     return _with_arms(core, skeleton, region, _leave_point(skeleton, branch, k))
 
 
@@ -132,14 +142,14 @@ def _is_linked(
 
 
 def _find_anchor_point(skeleton: Skeleton, branch: Branch, k: int) -> int:
-    """Return a bend or a dead end of a branch whose disc holds the point k; else k itself."""
+    """Return the bend of a branch near its point k; else the dead end it leads to; else k."""
     degree = skeleton.degree()
-    end = None
+    other = k
     for node, outward in ((branch.head, 1), (branch.tail, -1)):
         if degree[node] == 1 and skeleton.nodes[node].exit is None:
-            end = _find_dead_end(branch, outward)
-            if _hold_each_other(branch, end, k):
-                return end
+            other = _find_dead_end(branch, outward)
+            if _hold_each_other(branch, other, k):
+                return other
     steps, points = branch.steps_px, branch.points_px
     gap = np.hypot(*(points - points[k]).T)
     near = np.flatnonzero(gap <= np.maximum(branch.radius_px, branch.radius_px[k]))
@@ -154,7 +164,7 @@ def _find_anchor_point(skeleton: Skeleton, branch: Branch, k: int) -> int:
     )
     cosine[(before < -0.5 * reach) | (after > steps[-1] + 0.5 * reach)] = 1.0
     if not len(near) or cosine.min() > math.cos(LEAST_BEND_RAD):
-        return k
+        return other
     return int(near[cosine.argmin()])
 
 
@@ -218,6 +228,7 @@ def _leave_point(skeleton: Skeleton, branch: Branch, k: int) -> _Leaving:
             end = _find_dead_end(outward, 1) if len(outward.points_px) > 1 else 0
             if _hold_each_other(outward, end, 0):
                 continue
+            outward = outward.part(0, end + 1, outward.tail, outward.head)
         halves.append((outward, branch))
     return halves
 
@@ -237,7 +248,7 @@ def _with_arms(core: Core, skeleton: Skeleton, region: Region, leaving: _Leaving
             continue
         frontier, beyond = _look_beyond(skeleton, region, branch, own)
         arms.append(Arm(branch, edge, frontier, beyond))
-    return Core(core.closest_px, core.base_px, core.base_radius_px, core.at_junction, tuple(arms))
+    return replace(core, arms=tuple(arms))
 
 
 def _returns_early(core: Core, branch: Branch, inside: Mask) -> bool:

@@ -32,7 +32,8 @@ class LocalTopology:
     ----------
     gateways : by index; clockwise about the place.
     readings : ways to read the star, most probable first, at least one.
-    at_place : False on a bare path: exactly two gateways, on one local-path.
+    at_place : False on a bare path: exactly two gateways, on one local-path; and while the robot is
+        still on the way to the dead end that it sees ahead (the star is that of the dead end).
     base_px : (k, 2) base points of the place.
     base_radius_px : (k,) their distance to the nearest obstacle.
     junctions_px : (j, 2) junctions of the pruned skeleton.
@@ -227,7 +228,7 @@ def _assemble(
     topology = LocalTopology(
         gateways,
         readings,
-        not (len(gateways) == 2 and len(best) == 2),
+        core.is_reached and not (len(gateways) == 2 and len(best) == 2),
         core.base_px,
         core.base_radius_px,
         np.array(junctions, float).reshape(-1, 2),
