@@ -19,6 +19,7 @@ from hssh_kb.map_tree import Decision, MapTree, Node, Option
 
 _WORTH_NATS = 3.0
 _MOST_MERGERS = 24
+_PATIENCE_NATS = 40.0
 
 
 def revise_map(
@@ -42,23 +43,68 @@ def revise_map(
                 continue
             known.add((node.serial, key))
             made = thread_visits(tree, node, labels, believed)
+            if made is not None and key[0] == "merge" and made.score <= node.score:
+                made = _merge_on(tree, made, node.score, is_over)
             if made is not None and made.score > node.score + 1e-9:
                 node, improved = made, True
                 yield node
                 break
 
 
+def _merge_on(tree: MapTree, node: Node, goal: float, is_over: Callable[[], bool]) -> Node | None:
+    """Return a map better than the goal by more mergers; None if none is met.
+
+    A stretch of corridor held twice is only worth merging as a whole: the first mergers cost
+    more than they save.
+    """
+    failed: set[tuple[int, int]] = set()
+    for _ in range(_MOST_MERGERS):
+        if is_over() or node.score < goal - _PATIENCE_NATS:
+            return None
+        chain = node.chain()[1:]
+        labels = [one.decision.place for one in chain]
+        first = {label: v for v, label in reversed(list(enumerate(labels)))}
+        for pair in _find_near_places(tree, node):
+            visits = first[pair[0]], first[pair[1]]
+            if visits in failed:
+                continue
+            merged = _merge_labels(labels, [pair])
+            made = thread_visits(tree, node, merged, frozenset())
+            if made is not None and made.places < node.places:
+                node = made
+                break
+            failed.add(visits)
+        else:
+            return None
+        if node.score > goal + 1e-9:
+            return node
+    return None
+
+
+def _merge_labels(labels: list[int], pairs: Sequence[tuple[int, int]]) -> list[int]:
+    """Return the labels with pairs of places made one, each place in one pair at most."""
+    into: dict[int, int] = {}
+    used: set[int] = set()
+    for one, other in pairs:
+        if one not in used and other not in used:
+            used |= {one, other}
+            into[other] = one
+    return [into.get(label, label) for label in labels]
+
+
 def _list_moves(
     tree: MapTree, node: Node
-) -> Iterator[tuple[object, list[int], frozenset[int]]]:
+) -> Iterator[tuple[tuple[object, ...], list[int], frozenset[int]]]:
     """Yield (name, place label of each visit, travels to believe if possible)."""
     chain = node.chain()[1:]
     labels = [one.decision.place for one in chain]
     none: frozenset[int] = frozenset()
     doubted = [one.visit for one in chain if one.decision.doubted]
-    for one, other in _find_near_places(tree, node):
-        merged = [one if label == other else label for label in labels]
-        yield ("merge", one, other), merged, none
+    pairs = _find_near_places(tree, node)
+    if len(pairs) > 1:
+        yield ("all",), _merge_labels(labels, pairs), none
+    for pair in pairs:
+        yield ("merge", *pair), _merge_labels(labels, [pair]), none
     for v in doubted:
         yield ("believe", v), labels, frozenset((v,))
     for one in chain:
