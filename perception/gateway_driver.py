@@ -130,7 +130,7 @@ class GatewayDriver:
         if not view.at_place or not self._is_due(view, start, length, direction):
             return False
         if turn is None:  # the last place: drive right into it
-            return self._advance(start, direction) > length - 0.6
+            return self._advance(start, direction) > length - 0.3
         off = np.abs(wrap_angle(view.outward_rad - direction - turn))
         return bool(off.size and off.min() < _GATEWAY_SECTOR_RAD)
 

@@ -141,8 +141,11 @@ def _cast_chunk(
         beam += np.repeat(first.astype(np.int64), count)
         ex, ey = (qx - px)[hit], (qy - py)[hit]
         across = np.cos(angles)[beam] * ey - np.sin(angles)[beam] * ex
+        is_edge_on = np.abs(across) < 1e-9 * np.hypot(ex, ey)  # seen from its end
         with np.errstate(divide="ignore", invalid="ignore"):
             distance = (px[hit] * ey - py[hit] * ex) / across
+        nearer_end = np.minimum(np.hypot(px, py), np.hypot(qx, qy))[hit]
+        distance = np.where(is_edge_on, nearer_end, distance)
         good = np.isfinite(distance) & (distance >= 0)
         np.minimum.at(ranges, (pose[hit[good]], beam[good]), distance[good])
 

@@ -50,6 +50,17 @@ def test_no_beam_slips_through_the_corners_of_a_closed_room():
     assert np.isfinite(cast_rays(segments, poses, angles)).all()
 
 
+def test_a_wall_seen_edge_on_begins_at_its_nearer_end():
+    wall = np.array([[3.0, 0.3, 8.0, 0.3], [9.0, 0.3, 9.0, 5.0]])
+    for turn in np.linspace(0, 6, 25):  # rounding differs from one frame to the next
+        c, s = np.cos(turn), np.sin(turn)
+        rotated = (wall.reshape(-1, 2) @ np.array([[c, s], [-s, c]])).reshape(-1, 4)
+        at = np.array([[c, s], [-s, c]]).T @ [0.0, 0.3]
+        pose = np.array([[*at, turn]])
+        found = cast_rays(rotated, pose, np.array([-0.5, 0.0, 0.5]))[0, 1]
+        assert found == pytest.approx(3.0, abs=1e-6)
+
+
 def test_ranges_end_at_the_maximum():
     wall = np.array([[10.0, -50, 10, 50]])
     angles = Lidar(beams=5).angles_rad

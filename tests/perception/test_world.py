@@ -64,7 +64,8 @@ def test_corridors_are_as_wide_as_in_an_office_and_leave_room_to_pass(world):
         poses = np.column_stack([start + share * (end - start), np.full(40, heading)])
         sides = cast_rays(world.segments, poses, np.array([-np.pi / 2, np.pi / 2]))
         width = sides.sum(axis=1)
-        assert 2.0 <= np.percentile(width, 15) <= 2.6  # doors and the lobby add to it
+        usual = (width >= 2.0) & (width <= 2.6)  # the lobby and furniture apart
+        assert usual.mean() > 0.4
         assert width.min() > 1.3
         assert sides.min() >= 0.45
 
