@@ -137,7 +137,8 @@ class _Tracker:
         for wide in WIDE_WINDOWS:
             if found.ok and found.score > WEAK_SCORE:
                 break
-            again = match_scan(scan, reference, guess, 16.0 * prior, window=wide)
+            slip = np.diag([wide[0] / 3, wide[0] / 3, wide[1] / 3]) ** 2
+            again = match_scan(scan, reference, guess, prior + slip, window=wide)
             if again.ok and again.score > found.score + 0.2:
                 found = again
         return found

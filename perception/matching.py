@@ -30,7 +30,7 @@ MIN_INLIERS = 0.2
 """Share of the points that must lie on the reference for a match to count."""
 FLOOR = (0.003, 0.003, 0.001)
 """Least standard deviation of a matched pose: m, m, rad."""
-EAGER_SCORE = 0.8
+EAGER_SCORE = 0.7
 """Share of the points that must lie on the reference for a refined guess to need no search."""
 MIN_POINTS = 12
 """Fewer points than this are not matched."""

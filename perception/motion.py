@@ -30,7 +30,8 @@ class MotionModel:
     Attributes
     ----------
     along, across : constant [m], per metre travelled, per radian turned [m].
-    turn : constant [rad], per metre travelled [rad], per radian turned.
+    turn : constant [rad], per metre travelled [rad], per radian turned. Of the constants a tenth
+        is left where the wheels stand still.
     blind : (3,) standard deviations of a step where there is no odometry at all; m, m, rad.
 
     Source
@@ -51,7 +52,8 @@ class MotionModel:
         >>> np.sqrt(MotionModel().predict(np.array([1.0, 0.0, 0.0])).diagonal()).round(3).tolist()
         [0.07, 0.05, 0.037]
         """
-        terms = np.array([1.0, float(np.hypot(step[0], step[1])), abs(float(step[2]))])
+        way, turned = float(np.hypot(step[0], step[1])), abs(float(step[2]))
+        terms = np.array([min(1.0, 0.1 + 20.0 * (way + turned)), way, turned])
         deviations = np.array([terms @ self.along, terms @ self.across, terms @ self.turn])
         return np.diag(deviations**2)
 

@@ -142,6 +142,17 @@ def test_a_slipping_turn_is_caught(drive):
     assert np.hypot(step[0], step[1]) < 0.05
 
 
+def test_standing_still_adds_no_doubt():
+    rng = np.random.default_rng(17)
+    walls = np.array([[[-90.0, -1.0], [90.0, -1.0]], [[-90.0, 1.0], [90.0, 1.0]]])
+    truth = np.concatenate([follow([(0, 0), (3, 0)], step_m=0.5), np.tile([3.0, 0, 0], (80, 1))])
+    log = drive_log(walls, truth, truth.copy(), rng, reach_m=20.0)
+    trajectory = localise(log)
+    still = relative_pose(trajectory, 10, 85)
+    assert np.hypot(still[0], still[1]) < 0.03
+    assert np.sqrt(covariance_between(trajectory, 10, 85)[0, 0]) < 0.1
+
+
 def test_people_in_front_of_the_robot_do_not_derail_it(drive):
     rng = np.random.default_rng(14)
     ranges = drive.ranges_m.copy()
