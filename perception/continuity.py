@@ -129,7 +129,7 @@ def _match_by_angle(gateways: Sequence[Gateway]) -> list[tuple[Pairs, float]]:
         grown: list[tuple[Pairs, float]] = []
         for pairs, weight in matchings:
             if any(set(pair) & set(other) for other in pairs):
-                grown.append((pairs, weight))
+                grown.append((pairs, weight * (1.0 - sure)))
                 continue
             grown.append(((*pairs, pair), weight * sure))
             if sure < 1.0 - _LEAST_WEIGHT:

@@ -12,7 +12,7 @@ def estimate_noise(cells: Cells) -> tuple[float, float]:
     """Estimate the share of free cells that were flipped to occupied, and of occupied to free.
 
     The share is the typical density of a small window in free space, and in walls. A clean grid
-    of any geometry gives 0, as most windows in its free space hold no obstacle at all.
+    gives 0 for free space, as most windows in its free space hold no obstacle at all.
 
     Examples
     --------
@@ -69,11 +69,10 @@ def remove_noise(cells: Cells) -> Cells:
     Ours: a Gaussian vote whose width follows the estimated share of flipped cells.
     """
     flipped, holed = estimate_noise(cells)
-    worst = max(flipped, holed)
-    if worst < 0.03:
+    if flipped < 0.03:  # free space is clean; gaps in walls are not for a vote to close
         return cells
     solid = (~cells.free).astype(np.float32)
-    sigma = (0.8 + 4.0 * worst**2) * (1.0 if min(solid.shape) >= 120 else 0.8)
+    sigma = (0.8 + 4.0 * max(flipped, holed) ** 2) * (1.0 if min(solid.shape) >= 120 else 0.8)
     smooth = cv2.GaussianBlur(solid, (0, 0), sigma, borderType=cv2.BORDER_REFLECT)
     occupied = (smooth > (flipped + 1.0 - holed) / 2) & ~cells.unknown
     occupied &= ~_find_specks(occupied, 10.0 * sigma**2)

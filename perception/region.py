@@ -103,7 +103,7 @@ def find_region(
 def _clean(cells: Cells, min_frontier_px: float, island_px: float) -> tuple[Mask, Mask]:
     """Return the occupied and the unknown cells without slivers and islands."""
     occupied, unknown = cells.occupied, cells.unknown
-    side = round(min_frontier_px)
+    side = (round(min_frontier_px) - 1) // 2 * 2 + 1  # odd: an even opening would shift
     if side > 1 and unknown.any():
         padded = cv2.copyMakeBorder(
             unknown.view(np.uint8), side, side, side, side, cv2.BORDER_CONSTANT, value=1
@@ -148,12 +148,13 @@ def _stand(
 ) -> tuple[int, int]:
     """Return the passable cell nearest to the robot that no wall hides from it."""
     height, width = wide.shape
-    x, y = round(float(robot_px[0])), round(float(robot_px[1]))
-    if not (0 <= x < width and 0 <= y < height):
+    column, row = float(robot_px[0]), float(robot_px[1])
+    if not (-0.5 <= column <= width - 0.5 and -0.5 <= row <= height - 0.5):
         raise InputError(
             f"the robot at column {robot_px[0]:g}, row {robot_px[1]:g} is outside the image of "
             f"{width} x {height} cells; give a place inside it"
         )
+    x, y = min(max(round(column), 0), width - 1), min(max(round(row), 0), height - 1)
     if wide[y, x]:
         return x, y
     rows, columns = np.nonzero(wide)

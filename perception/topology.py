@@ -18,7 +18,7 @@ from perception.geometry import Array
 from perception.grid import Image, Mask, classify
 from perception.pruning import prune
 from perception.region import Region, find_region
-from perception.skeleton import Skeleton, build_skeleton
+from perception.skeleton import OPEN, Skeleton, build_skeleton
 from perception.star import Star
 
 Point = tuple[float, float]
@@ -132,7 +132,7 @@ def local_topology(
     skeleton = prune(
         build_skeleton(region, midline_px=midline), region, min_depth_px=scale["depth"]
     )
-    if not skeleton.branches:
+    if not _leads_anywhere(skeleton):
         return _enclosed(region, started)
     core = find_core(skeleton, region)
     gateways = [
@@ -193,6 +193,13 @@ def _check_image(image: Any) -> None:  # noqa: ANN401
             f"a grid of {image.shape[1]} x {image.shape[0]} cells is too small; "
             "expected at least 3 x 3"
         )
+
+
+def _leads_anywhere(skeleton: Skeleton) -> bool:
+    """Tell whether the skeleton reaches an exit, or runs around something."""
+    if any(node.exit is not None for node in skeleton.nodes.values()):
+        return True
+    return any(((b.left != OPEN) & (b.right != OPEN)).mean() > 0.5 for b in skeleton.branches)
 
 
 def _enclosed(region: Region, started: float) -> LocalTopology:
