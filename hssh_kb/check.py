@@ -155,8 +155,9 @@ def check(
     --------
     >>> from hssh_kb.experience import make_experience
     >>> two = make_experience([(["a+1", "a-0"], None, 0), (["b-1", "b+0"], 1, None)])
-    >>> check(two, ["v1=v0"]).violations[0].axiom
-    'order_irreflexive'
+    >>> answer = check(two, ["v1=v0"])
+    >>> answer.consistent, answer.violations[0].observations, answer.repairs[0]
+    (False, ('v0', 'v1'), ('drop the assumption v1 = v0',))
     """
     if limit < 1:
         raise UsageError(f"the limit must be at least 1, not {limit}")

@@ -11,13 +11,15 @@ Source: ours; the least closure is the "equality is congruence" of Remolina & Ku
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from itertools import product
+from itertools import islice, product
 
 from hssh_kb.experience import Experience
 from hssh_kb.hypothesis import Hypothesis
 
 Gate = tuple[int, int]
+_ALIGNMENT_LIMIT = 64
 
 
 class _ConflictError(Exception):
@@ -41,9 +43,16 @@ class Assumption:
 
 
 class Closure:
-    """Least map that follows from assumptions and trusted observations; best stars only."""
+    """Least map that follows from assumptions and trusted observations; best stars only.
 
-    def __init__(self, experience: Experience) -> None:
+    Parameters
+    ----------
+    experience : what was lived through.
+    lenient : let any two stars of one size match: what would follow if stars did not matter.
+    """
+
+    def __init__(self, experience: Experience, *, lenient: bool = False) -> None:
+        self.lenient = lenient
         readings = [visit.readings[0] for visit in experience.visits]
         self.stars = [reading.star for reading in readings]
         self.arrive = [reading.arrive for reading in readings]
@@ -87,6 +96,25 @@ class Closure:
             return classes.to_hypothesis(doubted)
         return None
 
+    def relate(
+        self, trusted: frozenset[int], travels: Sequence[int], assumptions: Iterable[Assumption]
+    ) -> set[tuple[int, int, int]]:
+        """Return (visit, earlier visit, rotation) wherever some alignment makes them one place.
+
+        It goes as far as it can: a clash ends one alignment, and what was found is kept.
+        """
+        same = [a for a in assumptions if a.same]
+        believed = sorted(v for v in travels if v in trusted and v - 1 in trusted)
+        related: set[tuple[int, int, int]] = set()
+        for alignment in islice(self._alignments(trusted, same), _ALIGNMENT_LIMIT):
+            classes = _Classes(self)
+            with suppress(_ConflictError):
+                for v, w, rotation in alignment:
+                    classes.align(v, w, rotation)
+                self._close_travels(believed, classes)
+            related |= classes.pairs(trusted)
+        return related
+
     def _alignments(
         self, trusted: frozenset[int], same: Sequence[Assumption]
     ) -> Iterator[tuple[tuple[int, int, int], ...]]:
@@ -108,7 +136,11 @@ class Closure:
         """Return the isomorphisms from the star of visit v to the star of visit w."""
         key = (v, w)
         if key not in self._rotations:
-            self._rotations[key] = self.stars[v].isomorphisms(self.stars[w])
+            one, other = self.stars[v], self.stars[w]
+            if self.lenient and len(one) == len(other):
+                self._rotations[key] = tuple(range(len(one)))
+            else:
+                self._rotations[key] = one.isomorphisms(other)
         return self._rotations[key]
 
     def _close_travels(self, travels: Sequence[int], classes: _Classes) -> dict[Gate, Gate]:
@@ -206,13 +238,28 @@ class _Classes:
         self.aligned[one] = (other, turn)
         self.unite(v, w)
 
+    def pairs(self, visits: Iterable[int]) -> set[tuple[int, int, int]]:
+        """Return (visit, earlier visit, rotation) for all that are aligned."""
+        groups: dict[int, list[tuple[int, int]]] = {}
+        for v in sorted(visits):
+            root, turn = self.frame(v)
+            groups.setdefault(root, []).append((v, turn))
+        return {
+            (v, w, (turn - back) % max(len(self.closure.stars[v]), 1))
+            for group in groups.values()
+            for v, turn in group
+            for w, back in group
+            if w < v
+        }
+
     def to_hypothesis(self, doubted: Sequence[int]) -> Hypothesis:
         """Return the map."""
         visits, offsets = [], []
         for v in range(len(self.root)):
             place = self.place(v)
             (frame, turn), (home, back) = self.frame(v), self.frame(place)
-            size = len(self.closure.stars[v])
+            size = max(len(self.closure.stars[v]), 1)
             visits.append(place)
-            offsets.append((turn - back) % size if frame == home and size else 0)
+            # A first visit whose star is not trusted has no part in the numbering of the dlps.
+            offsets.append((turn - back) % size if frame == home else turn % size)
         return Hypothesis(tuple(visits), tuple(offsets), doubted=tuple(doubted))

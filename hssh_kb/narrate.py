@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from hssh_kb.congruence import Assumption
+from hssh_kb.congruence import Assumption, Closure
 from hssh_kb.errors import InternalError
 from hssh_kb.experience import Experience
 from hssh_kb.facts import experience_to_facts
@@ -21,6 +21,9 @@ _BY_WEIGHT = (
     "travel_function",
 )
 """Axioms in the order in which they are tried to be left out of a reason."""
+
+
+_WIDE_LIMIT = 6
 
 
 @dataclass(frozen=True)
@@ -106,13 +109,36 @@ class Narrator:
                 experience_to_facts(self.experience, visits),
                 *sorted(doubted),
                 assumption_facts(sorted(held)),
+                self._candidates(conflict, visits),
             ]
         )
+
+    def _candidates(self, conflict: frozenset[Literal], visits: set[int]) -> str:
+        """Return where each visit may be, so widely that no axiom is hidden.
+
+        Few visits may be anywhere. With more, whatever matching stars or following the travels
+        regardless of stars can make one place: without planarity no other place is forced.
+        """
+        if len(visits) <= _WIDE_LIMIT:
+            return read_programs(["wide"])
+        held = [self.assumptions[x.number] for x in conflict if x.kind == "assumption"]
+        stars = frozenset(x.number for x in conflict if x.kind == "star")
+        travels = [x.number for x in conflict if x.kind == "travel"]
+        related = Closure(self.experience, lenient=True).relate(stars, travels, held)
+        related |= {
+            (v, w, r)
+            for v in visits
+            for w in visits
+            if w < v
+            for r in self.experience.visits[v].star.isomorphisms(self.experience.visits[w].star)
+        }
+        related |= {(v, w, 0) for v in visits for w in visits if w < v and v not in stars}
+        return " ".join(f"candidate({v},{w},{r})." for v, w, r in sorted(related))
 
     def _satisfiable(
         self, facts: str, axioms: Iterable[str], budget_s: float | None
     ) -> bool | None:
-        names = ["experience", "generate", "wide", "map", "assume", "components", "modes/strict"]
+        names = ["experience", "generate", "map", "assume", "components", "modes/strict"]
         program = read_programs([*names, *map(axiom_program, axioms)]) + facts
         return is_satisfiable(program, budget_s)
 
@@ -120,7 +146,7 @@ class Narrator:
         self, facts: str, others: Iterable[str], violated: str, budget_s: float | None
     ) -> tuple[str, str]:
         """Return clause and term of a smallest violation when all the others are kept."""
-        names = ["experience", "generate", "wide", "map", "assume", "components"]
+        names = ["experience", "generate", "map", "assume", "components"]
         program = read_programs(
             [*names, *map(axiom_program, [*others, violated]), "modes/diagnose"]
         )
@@ -138,7 +164,7 @@ class Narrator:
     # words
 
     def _tell_assumptions(self, conflict: Iterable[Literal]) -> str:
-        return f"{self._subject(conflict)} contradict each other"
+        return f"{self._subject(conflict)} contradict each other."
 
     def _subject(self, conflict: Iterable[Literal]) -> str:
         texts = [
@@ -173,8 +199,7 @@ class Narrator:
         travels = sorted(x.number for x in conflict if x.kind == "travel")
         if not travels:
             return ""
-        legs = ", ".join(f"{self._label(v - 1)} to {self._label(v)}" for v in travels)
-        told = f"by the travel{'s' if len(travels) > 1 else ''} {legs}"
+        told = f"by the travel{'s' if len(travels) > 1 else ''} {self._legs(travels)}"
         if others:
             laws = " and ".join(
                 f"axiom {find_axiom(name).number} ({find_axiom(name).title})" for name in others
@@ -182,7 +207,7 @@ class Narrator:
             told += f", and by {laws}"
         numbers = _numbers(witness[1])
         if violated == "star_isomorphism" and len(numbers) >= 2:
-            told += f", {self._label(numbers[0])} and {self._label(numbers[1])} are one place"
+            told += f", {self._label(numbers[0])} and {self._label(numbers[1])} would be one place"
             return f"{told}, yet "
         return f"{told}, "
 
@@ -219,6 +244,20 @@ class Narrator:
             }
         travels = [self._travel(v) for v in numbers]
         return dict(zip(("travel", "travel2"), travels, strict=False))
+
+    def _legs(self, travels: Sequence[int]) -> str:
+        """Return travels in words, those that follow one another as one."""
+        runs: list[list[int]] = []
+        for v in travels:
+            if runs and runs[-1][1] == v - 1:
+                runs[-1][1] = v
+            else:
+                runs.append([v - 1, v])
+        texts = [
+            f"from {self._label(first)} {'on ' if last - first > 1 else ''}to {self._label(last)}"
+            for first, last in runs
+        ]
+        return " and ".join([", ".join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)
 
     def _travel(self, v: int) -> str:
         return f"{self._label(v - 1)} to {self._label(v)}"

@@ -10,9 +10,13 @@ import time
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
+from math import prod
 from typing import Generic, TypeVar
 
 L = TypeVar("L", bound=Hashable)
+
+
+_DUAL_LIMIT = 20_000
 
 
 class OutOfTimeError(Exception):
@@ -21,7 +25,7 @@ class OutOfTimeError(Exception):
 
 @dataclass
 class Conflicts(Generic[L]):
-    """What was found: ``complete`` if these are all the conflicts and all the repairs."""
+    """Conflicts, smallest first, and repairs; ``complete`` if these are all there are."""
 
     conflicts: list[frozenset[L]] = field(default_factory=list)
     repairs: list[frozenset[L]] = field(default_factory=list)
@@ -104,6 +108,7 @@ def find_conflicts(
                 None,
             )
             if fresh is None:
+                _complete_conflicts(out, rank)
                 return out
             tried.add(fresh)
             if limit is not None and max(len(out.repairs), len(out.conflicts)) >= limit:
@@ -119,6 +124,14 @@ def find_conflicts(
     except OutOfTimeError:
         out.complete = False
         return out
+
+
+def _complete_conflicts(out: Conflicts[L], rank: dict[L, int]) -> None:
+    """Find the conflicts that were not needed: all are the minimal hitting sets of all repairs."""
+    if prod(len(repair) for repair in out.repairs) <= _DUAL_LIMIT:
+        out.conflicts = list(_hitting_sets(out.repairs, rank))
+    else:
+        out.complete = False
 
 
 def _hitting_sets(conflicts: Sequence[frozenset[L]], rank: dict[L, int]) -> Iterator[frozenset[L]]:
