@@ -52,6 +52,12 @@ def localise(
     -------
     Trajectory, deterministic for a given log.
 
+    Notes
+    -----
+    Without odometry the scans should be no more than some decimetres apart: how far a robot has
+    come along a corridor between scans metres apart cannot be seen, and doors that look alike are
+    then taken for each other, more than the covariances say.
+
     Raises
     ------
     InputError
