@@ -6,6 +6,7 @@ afterwards, to say whether the top map is the true one.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +26,8 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str, int, int], None]
 _NEAR_M = 3.0
-_MOST_QUESTIONS = 8
+_CROSSING = 3
+_QUESTION_S, _QUESTIONS_S = 10.0, 15.0
 
 
 @dataclass(frozen=True)
@@ -186,24 +188,29 @@ def _choose_route(kb: KnowledgeBase) -> Route | None:
 
 
 def _ask_why_not(kb: KnowledgeBase) -> tuple[str | None, Check | None]:
-    """Suppose that two look-alike visits were at one place, and ask why not.
+    """Suppose that two look-alike crossings were one place, and ask why not.
 
-    The first pair that an axiom refutes is told; where only distance speaks against them, the
-    last one asked.
+    The first pair that an axiom refutes within the time given is told.
     """
     hypothesis, visits = kb.hypothesis(), kb.experience.visits
     pairs = [
         (v, w)
         for v in range(len(hypothesis.visits))
-        for w in range(v)
+        for w in range(v - 1)
         if hypothesis.visits[v] != hypothesis.visits[w]
         and visits[v].star.isomorphisms(visits[w].star)
     ]
+    pairs.sort(key=lambda pair: sum(visits[pair[0]].star.alpha) < _CROSSING)
+    end = time.monotonic() + _QUESTIONS_S
     answer: tuple[str | None, Check | None] = (None, None)
-    for v, w in pairs[:_MOST_QUESTIONS]:
+    for v, w in pairs:
         assumption = f"v{v}=v{w}"
-        answer = assumption, kb.check([assumption])
-        if answer[1] is not None and answer[1].violations:
+        check = kb.check([assumption], budget_s=_QUESTION_S)
+        if answer[1] is None or any(violation.axioms for violation in check.violations):
+            answer = assumption, check
+        if answer[0] == assumption and check.status == "violated":
+            break
+        if time.monotonic() > end:
             break
     return answer
 
@@ -229,8 +236,8 @@ def describe_demo(demo: Demo) -> str:
     if demo.why_not is not None and demo.assumption is not None:
         first, second = demo.assumption.split("=")
         lines += ["", f"3. Why are {first} and {second} not one place, though they look alike?"]
-        violations = demo.why_not.violations
-        lines.append(f"   {violations[0].text if violations else _only_unlikely(demo)}")
+        told = demo.why_not.violations[0].text if demo.why_not.violations else ""
+        lines.append(f"   {_only_unlikely(demo) if demo.why_not.consistent else told}")
     lines += ["", *_describe_truth(demo), ""]
     lines.append(f"Written to {demo.folder}: {', '.join(demo.files)}")
     return "\n".join(lines)

@@ -184,7 +184,7 @@ class KnowledgeBase:
 
         return find_route(self, start, goal, number=number)
 
-    def check(self, assume: Iterable[str] = (), *, budget_s: float | None = None) -> Check:
+    def check(self, assume: Iterable[str] = (), *, budget_s: float = 20.0) -> Check:
         """Say which axioms the experience, with assumptions such as ``v7=v2``, violates."""
         from hssh_kb.check import check
 
