@@ -13,26 +13,24 @@ the prospect, the cycles and the repairs are ours.
 
 from __future__ import annotations
 
-import heapq
 import math
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
-
-import numpy as np
 
 from hssh_kb.errors import InputError
 from hssh_kb.experience import Experience, Visit
 from hssh_kb.hypothesis import Hypothesis
-from hssh_kb.map_tree import MapTree, Node
+from hssh_kb.leaf_queues import LeafQueues
+from hssh_kb.map_tree import GATE_NATS, MapTree, Node
 from hssh_kb.repair import Repair, propose_repairs
 from hssh_kb.revise import revise_map
 from hssh_kb.score import Score, estimate_score
 
-RIVAL_NATS = 12.0
-_STUCK = 24  # expansions without getting deeper, before other depths are tried in turn
-_LOST = 400  # ... before the best map is completed as it is, to be revised as a whole
-_MORE_EFFORT = 1.3  # of the work until the first complete map, to look for rivals
+RIVAL_NATS = 12.0  # maps that much less probable than the best are no rivals
+_STUCK = 24  # expansions without getting deeper, before the depths are tried in turn
+_WINDOW = 16  # depths tried in turn at first; doubled each time that is in vain
+_SLACK_NATS = 24.0  # leaves that much below the best of their depth are not worth a turn
+_REGRET_NATS = 8.0  # a best map this close to the highest hopes needs little doubt
 
 
 @dataclass(frozen=True)
@@ -56,9 +54,6 @@ class SearchResult:
     leaves: int
     inconsistent_from: int | None
     reason: str
-
-
-_Item = tuple[float, int, Node | Repair]
 
 
 class TreeOfMaps:
@@ -97,16 +92,13 @@ class TreeOfMaps:
 
     def _reset(self, score: Score) -> None:
         self.tree = MapTree(score, **self._keywords)
-        self._heaps: list[list[_Item]] = []
-        self._change: list[float | None] = []
-        self._tops, self._hopes = np.zeros(0), np.zeros(0)
-        self._prospect = -math.inf
-        self._reserve: list[_Item] = []
+        self._queues = LeafQueues()
+        self._reached: list[bool] = []
+        self._reserve: list[Node] = []
         self._seen: set[object] = set()
-        self._serial = 0
         self._deepest = 0
         self._stale = 0
-        self._cycle: Iterator[int] = iter(())
+        self._window = _WINDOW
         self.expansions = 0
 
     @property
@@ -116,12 +108,11 @@ class TreeOfMaps:
 
     def _add(self, visit: Visit) -> None:
         self._visits.append(visit)
-        self._heaps.append([])
-        self._change.append(None)
-        self._tops = np.append(self._tops, -math.inf)
-        self._hopes = np.append(self._hopes, 0.0)
+        self._queues.add_depth()
+        self._reached.append(False)
         for root in self.tree.add_visit(visit):
-            self._queue(root)
+            self._queues.queue_chain(root)
+            self._reached[0] = True
 
     def extend(self, visit: Visit, *, previous: Visit | None = None) -> None:
         """Take in the next visit.
@@ -150,55 +141,15 @@ class TreeOfMaps:
                 self._add(one)
         self._add(visit)
 
-    # -- the queues ------------------------------------------------------------------------
-
-    def _push(self, depth: int, score: float, item: Node | Repair) -> None:
-        self._serial += 1
-        heapq.heappush(self._heaps[depth], (-score, self._serial, item))
-        if score > self._tops[depth]:
-            self._tops[depth] = score
-
-    def _pop(self, depth: int) -> Node | Repair:
-        heap = self._heaps[depth]
-        item = heapq.heappop(heap)[2]
-        self._tops[depth] = -heap[0][0] if heap else -math.inf
-        return item
-
-    def _queue(self, node: Node) -> None:
-        node.queued = True
-        self._push(node.visit, node.score, node)
-
-    def _choose_depth(self) -> int | None:
-        """Return the depth whose best leaf has the best prospect; None if all are complete."""
-        prospects = self._tops[:-1] + np.cumsum(self._hopes[:0:-1])[::-1]
-        if not len(prospects):
-            return None
-        depth = int(np.argmax(prospects))
-        self._prospect = float(prospects[depth])
-        return depth if self._prospect > -math.inf else None
-
-    def _choose_cyclic(self) -> int | None:
-        """Return the next depth of the cycle that has a leaf to grow."""
-        for _ in range(2):
-            for depth in self._cycle:
-                if depth < len(self._visits) - 1 and self._heaps[depth]:
-                    return depth
-            low = 0
-            self._cycle = iter(range(low, len(self._visits) - 1))
-        return None
-
     # -- growing ---------------------------------------------------------------------------
 
     def _grow_at(self, depth: int) -> None:
-        item = self._pop(depth)
+        item = self._queues.pop(depth)
         if isinstance(item, Repair):
             # Every map on the way to the repaired one is a leaf that other maps may grow from.
-            node: Node | None = item.carry_out(self.tree)
-            while node is not None and not node.queued:
-                self._queue(node)
-                node = node.parent
-            return
-        self._expand(item)
+            self._queues.queue_chain(item.carry_out(self.tree))
+        else:
+            self._expand(item)
 
     def _expand(self, node: Node) -> None:
         """Make the children of a map; the first time those worth it, the next time the rest."""
@@ -210,40 +161,35 @@ class TreeOfMaps:
         for option in options:
             if option.refusal is None:
                 child = tree.child(node, option)
-                if not child.queued:
-                    self._queue(child)
+                self._queues.queue_chain(child)
                 best = max(best, child.score - node.score)
         if node.stage == 1:
-            known = self._change[depth + 1]
+            new = -math.log(self.score.area_m2)
             if best > -math.inf:
                 # A new place that nothing speaks against is the least a rival may hope for.
-                hope = max(best, -math.log(self.score.area_m2))
-                hope = hope if known is None else max(known, hope)
-                self._change[depth + 1] = self._hopes[depth + 1] = hope
-            self._push(depth, node.score - math.log(self.score.area_m2) - 14.0, node)
+                self._queues.raise_hope(depth + 1, max(best, new), self._reached[depth + 1])
+            self._queues.push(depth, node.score + new - GATE_NATS, node)
             for repair in propose_repairs(tree, node, options, best):
                 if repair.key not in self._seen:
                     self._seen.add(repair.key)
-                    self._push(depth + 1, repair.estimate, repair)
+                    self._queues.push(depth + 1, repair.estimate, repair)
         elif node.stage == 2 and self._has_rest(node):
-            self._serial += 1
-            heapq.heappush(self._reserve, (-node.score, self._serial, node))
-        if best > -math.inf and depth + 1 > self._deepest:
-            self._deepest, self._stale = depth + 1, 0
-        else:
-            self._stale += 1
+            self._reserve.append(node)
+        self._stale += 1
+        if best > -math.inf:
+            self._reached[depth + 1] = True
+            if depth + 1 > self._deepest:
+                self._deepest, self._stale = depth + 1, 0
 
     def _has_rest(self, node: Node) -> bool:
         return self.score.slip > 0 or len(self._visits[node.visit + 1].readings) > 1
 
     def _open_reserve(self) -> bool:
-        """Bring back the next map whose improbable children were put off."""
-        if not self._reserve:
-            return False
-        score, _, node = heapq.heappop(self._reserve)
-        if isinstance(node, Node):
-            self._push(node.visit, -score, node)
-        return True
+        """Bring back the maps whose improbable children were put off; False if there are none."""
+        opened, self._reserve = self._reserve, []
+        for node in opened:
+            self._queues.push(node.visit, node.score, node)
+        return bool(opened)
 
     # -- searching -------------------------------------------------------------------------
 
@@ -261,51 +207,81 @@ class TreeOfMaps:
         start = time.monotonic()
         end = math.inf if budget_s is None else start + budget_s
         hurry = math.inf if budget_s is None else start + 0.4 * budget_s
-        self._stale, limit = 0, math.inf
-        while time.monotonic() < end and self.expansions < limit:
-            if self._heaps[last]:
-                if limit == math.inf:
-                    limit = _MORE_EFFORT * self.expansions + 8 * best
-                    self._revise(last, end)
-                depth = self._choose_depth()
-                if depth is None or self._is_settled(best):
+        self._stale, self._window, idle = 0, _WINDOW, 0
+        while time.monotonic() < end:
+            depth, prospect = self._queues.choose_depth()
+            if prospect == -math.inf:
+                if self._has_complete() or not self._open_reserve():
                     break
+            elif self._has_complete():
+                if idle == 0:
+                    self._revise(last, end)
+                if self._is_settled(best, prospect) or idle > self._count_cycles(prospect):
+                    break
+                idle = 0 if self._run_cycle(end) else idle + 1
+            elif self._stale <= _STUCK:
                 self._grow_at(depth)
-            elif self._stale > _LOST or time.monotonic() > hurry:
+            elif time.monotonic() > hurry or self._is_lost():
                 self._revise(self._deepest, end)
                 self._dive()
-                self._stale = 0
-            elif not self._grow_somewhere(end):
-                break
-        if self._heaps[last]:
+            else:
+                self._run_cycle(end)
+        if self._has_complete():
             self._revise(last, end)
 
-    def _grow_somewhere(self, end: float) -> bool:
-        """Grow one map while none is complete; return False if none is left to grow."""
-        depth = self._choose_depth()
-        if depth is None:
-            return self._open_reserve()
-        if self._stale > _STUCK:
-            if self._stale % (4 * _STUCK) == _STUCK + 1:
-                self._revise(self._deepest, end)
-            depth = self._choose_cyclic() or depth
-        self._grow_at(depth)
-        return True
+    def _has_complete(self) -> bool:
+        return self._queues.has_items(len(self._visits) - 1)
+
+    def _is_lost(self) -> bool:
+        """Return whether to take the best map to the end as it is, to be revised as a whole."""
+        return self.score.slip > 0 and self._window > 4 * _WINDOW
+
+    def _count_cycles(self, prospect: float) -> int:
+        """Return how many cycles in vain it takes to believe that the best map is found."""
+        regret = prospect - float(self._queues.tops[-1])
+        if regret < _REGRET_NATS:
+            return 1
+        return int(math.log2(max(len(self._visits) / _WINDOW, 1))) + 3
+
+    def _run_cycle(self, end: float) -> bool:
+        """Grow the best leaf of each of the deepest depths in turn, and the best of all.
+
+        Maps are then compared with others that have explained the same visits. Returns whether
+        that got deeper, or a better complete map; if not, the next cycle reaches further back.
+        """
+        queues, last = self._queues, len(self._visits) - 1
+        before = self._deepest, float(queues.tops[last])
+        depth = max(0, self._deepest - self._window)
+        while depth < min(self._deepest + 1, last) and time.monotonic() < end:
+            if queues.tops[depth] > queues.peaks[depth] - _SLACK_NATS:
+                self._grow_at(depth)
+            depth += 1
+        if time.monotonic() < end:
+            depth, prospect = queues.choose_depth()
+            if prospect > -math.inf:
+                self._grow_at(depth)
+        if (self._deepest, float(queues.tops[last])) > before:
+            self._window = max(_WINDOW, self._window // 2)
+            return True
+        self._window = min(2 * self._window, max(last, _WINDOW))
+        if self.score.slip > 0 and not self._has_complete():
+            self._revise(self._deepest, end)
+        return False
 
     def _dive(self) -> None:
         """Grow the best of the deepest maps, and always its best child, to the last visit."""
-        leaves = [item for _, _, item in sorted(self._heaps[self._deepest])]
-        node: Node | None = next((item for item in leaves if isinstance(item, Node)), None)
+        leaves = self._queues.list_best(self._deepest, 100)
+        node = leaves[0] if leaves else None
         while node is not None and node.visit < len(self._visits) - 1:
             if node.stage == 0:
                 self._expand(node)
             grown = list((node.children or {}).values())
             node = max(grown, key=lambda child: child.score, default=None)
+        self._stale = 0
 
     def _revise(self, depth: int, end: float) -> None:
         """Revise the best map of a depth as a whole; whatever that makes waits as a leaf."""
-        found = [item for _, _, item in heapq.nsmallest(4, self._heaps[depth])]
-        maps = [item for item in found if isinstance(item, Node)]
+        maps = self._queues.list_best(depth, 4)
         if not maps:
             return
 
@@ -313,17 +289,14 @@ class TreeOfMaps:
             return time.monotonic() >= end
 
         for better in revise_map(self.tree, maps[0], is_over, self._seen):
-            node: Node | None = better
-            while node is not None and not node.queued:
-                self._queue(node)
-                node = node.parent
+            self._queues.queue_chain(better)
 
-    def _is_settled(self, best: int) -> bool:
+    def _is_settled(self, best: int, prospect: float) -> bool:
         """Return whether no waiting map has the prospect to be among the best."""
-        found = heapq.nsmallest(best, self._heaps[-1])
-        top = -found[0][0]
-        floor = -found[-1][0] if len(found) == best else -math.inf
-        return self._prospect <= max(floor, top - RIVAL_NATS)
+        found = self._queues.list_best(len(self._visits) - 1, best)
+        top = float(self._queues.tops[-1])
+        floor = found[-1].score if len(found) == best else -math.inf
+        return prospect <= max(floor, top - RIVAL_NATS)
 
     def best(self, k: int = 1) -> tuple[Hypothesis, ...]:
         """Return the k best maps of all visits so far, those differing in places or turns."""
@@ -332,20 +305,19 @@ class TreeOfMaps:
     def _best_at(self, depth: int, k: int) -> tuple[Hypothesis, ...]:
         out: list[Hypothesis] = []
         known: set[object] = set()
-        for _, _, item in sorted(self._heaps[depth])[: 50 * k]:
-            if isinstance(item, Node):
-                found = self.tree.hypothesis(item)
-                key = found.visits, found.offsets
-                if key not in known:
-                    known.add(key)
-                    out.append(found)
+        for node in self._queues.list_best(depth, 50 * k):
+            found = self.tree.hypothesis(node)
+            key = found.visits, found.offsets
+            if key not in known:
+                known.add(key)
+                out.append(found)
             if len(out) == k:
                 break
         return tuple(out)
 
     def reached(self, depth: int) -> bool:
         """Return whether some map has explained the visits up to one."""
-        return depth == 0 or self._change[depth] is not None
+        return self._reached[depth]
 
     def best_so_far(self, depth: int, k: int) -> tuple[Hypothesis, ...]:
         """Return the best maps of the visits up to one."""
@@ -354,7 +326,7 @@ class TreeOfMaps:
     @property
     def leaves(self) -> int:
         """How many maps wait."""
-        return sum(map(len, self._heaps))
+        return len(self._queues)
 
     def is_proven(self) -> bool:
         """Return whether no waiting map can beat the best complete one, whatever comes.
@@ -363,15 +335,15 @@ class TreeOfMaps:
         innovation as narrow as its displacement alone.
         """
         last = len(self._visits) - 1
-        if not self._heaps[last]:
+        if not self._has_complete():
             return False
-        top = -self._heaps[last][0][0]
+        top = float(self._queues.tops[last])
         ahead = 0.0
         for depth in range(last - 1, -1, -1):
             move = self._visits[depth + 1].displacement
             weights = [math.log(r.weight) for r in self._visits[depth + 1].readings]
             ahead += max(weights) + self.score.bound_travel(None if move is None else move.cov)
-            if self._heaps[depth] and -self._heaps[depth][0][0] + ahead > top + 1e-9:
+            if self._queues.tops[depth] + ahead > top + 1e-9:
                 return False
         return not self._reserve
 
