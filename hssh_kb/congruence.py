@@ -10,7 +10,7 @@ Source: ours; the least closure is the "equality is congruence" of Remolina & Ku
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice, product
@@ -43,20 +43,31 @@ class Assumption:
 
 
 class Closure:
-    """Least map that follows from assumptions and trusted observations; best stars only.
+    """Least map that follows from assumptions and trusted observations.
 
     Parameters
     ----------
     experience : what was lived through.
+    readings : which reading holds at a visit, where it is not the best one.
     lenient : let any two stars of one size match: what would follow if stars did not matter.
     """
 
-    def __init__(self, experience: Experience, *, lenient: bool = False) -> None:
+    def __init__(
+        self,
+        experience: Experience,
+        *,
+        lenient: bool = False,
+        readings: Mapping[int, int] | None = None,
+    ) -> None:
         self.lenient = lenient
-        readings = [visit.readings[0] for visit in experience.visits]
-        self.stars = [reading.star for reading in readings]
-        self.arrive = [reading.arrive for reading in readings]
-        self.depart = [reading.depart for reading in readings]
+        chosen = readings or {}
+        self.chosen = tuple(chosen.get(v, 0) for v in range(len(experience))) if chosen else ()
+        readings_held = [
+            visit.readings[chosen.get(v, 0)] for v, visit in enumerate(experience.visits)
+        ]
+        self.stars = [reading.star for reading in readings_held]
+        self.arrive = [reading.arrive for reading in readings_held]
+        self.depart = [reading.depart for reading in readings_held]
         self.came = [
             None if arrive is None else star.opposite(arrive)
             for star, arrive in zip(self.stars, self.arrive, strict=True)
@@ -262,4 +273,6 @@ class _Classes:
             visits.append(place)
             # A first visit whose star is not trusted has no part in the numbering of the dlps.
             offsets.append((turn - back) % size if frame == home else turn % size)
-        return Hypothesis(tuple(visits), tuple(offsets), doubted=tuple(doubted))
+        return Hypothesis(
+            tuple(visits), tuple(offsets), self.closure.chosen, doubted=tuple(doubted)
+        )

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from hssh_kb.congruence import Closure
 from hssh_kb.errors import UsageError
 from hssh_kb.experience import Experience
 from hssh_kb.facts import candidate_facts, experience_to_facts
 from hssh_kb.hypothesis import Hypothesis
+from hssh_kb.oracle import Oracle
 from hssh_kb.planarity import make_planarity_test
 from hssh_kb.solver import Symbol, is_satisfiable, solve_all, solve_best, solve_minimal
+from hssh_kb.subsets import OutOfTimeError
 from hssh_kb.theory import axiom_program, policy_levels, policy_program, read_programs
 
 Dstate = tuple[int, int]
@@ -126,14 +127,18 @@ def find_inconsistent_visit(
     """Return the first visit N such that visits 0..N have no map; None if all have one.
 
     Also None if the budget ran out. Consistency never returns once lost, so bisection finds N.
-    Where each visit has one reading, the closure under travel decides without search.
+    The closure under travel decides, without search where each visit has one reading.
     """
     end = None if budget_s is None else time.monotonic() + budget_s
-    closure = None if _has_alternatives(experience) or not order else Closure(experience)
 
     def consistent(count: int) -> bool | None:
-        if closure is not None:  # the least map is a tree, so planarity never decides
-            return closure.close(frozenset(range(count)), range(1, count), ()) is not None
+        if order:  # the least map is a tree, so planarity never decides
+            begun = replace(experience, visits=experience.visits[:count])
+            oracle = Oracle(begun, (), planarity=False, end=end)
+            try:
+                return oracle.consistent(frozenset(oracle.literals()))
+            except OutOfTimeError:
+                return None
         program = strict_program(experience, order=order, planarity=planarity, visits=count)
         return is_satisfiable(program, _rest(end))
 

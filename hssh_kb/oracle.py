@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Sequence
+from heapq import heappop, heappush
+from math import log
 from typing import NamedTuple
 
 from hssh_kb.congruence import Assumption, Closure
@@ -12,7 +14,7 @@ from hssh_kb.facts import experience_to_facts
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.planarity import is_planar
 from hssh_kb.solver import solve_all
-from hssh_kb.subsets import OutOfTimeError
+from hssh_kb.subsets import OutOfTimeError, shrink_conflict
 from hssh_kb.theory import axiom_program, read_programs
 
 
@@ -26,6 +28,9 @@ class Literal(NamedTuple):
     kind: str
     number: int
 
+
+SEARCH_LIMIT = 30
+"""Where planarity decides, at most so many visits are handed to the solver at once."""
 
 AXIOMS = (
     "star_isomorphism",
@@ -102,22 +107,67 @@ class Oracle:
         return self._known[active]
 
     def _find_map(self, active: frozenset[Literal]) -> Hypothesis | None:
+        least = self._close(active, self.closure)
+        if least is None and self.certain:
+            return None
+        if least is None:
+            least = self._close_readings(active)
+            if least is None:
+                return None
+        stars = frozenset(x.number for x in active if x.kind == "star")
+        if not self.planarity or is_planar(self.experience, least, stars):
+            return least
+        return self._search(active)
+
+    def _close(self, active: frozenset[Literal], closure: Closure) -> Hypothesis | None:
+        """Return the least map of some literals, planarity left aside."""
         if self.end is not None and time.monotonic() >= self.end:
             raise OutOfTimeError
         stars = frozenset(x.number for x in active if x.kind == "star")
         travels = [x.number for x in active if x.kind == "travel"]
         assumed = [self.assumptions[x.number] for x in active if x.kind == "assumption"]
-        least = self.closure.close(stars, travels, assumed)
-        if least is None and self.certain:
-            return None
-        if least is not None and (not self.planarity or is_planar(self.experience, least, stars)):
-            return least
-        return self._search(active)
+        return closure.close(stars, travels, assumed)
+
+    def _close_readings(self, active: frozenset[Literal]) -> Hypothesis | None:
+        """Return a least map under other readings of the stars; None if no choice has one.
+
+        A choice that clashes shows a minimal conflict; any choice that does better reads some
+        visit of that conflict otherwise. So all that need trying are found, likely ones first.
+        """
+        waiting: list[tuple[float, int, dict[int, int]]] = [(0.0, 0, {})]
+        seen: set[tuple[tuple[int, int], ...]] = {()}
+        ordered = [x for x in self.literals() if x in active]
+        while waiting:
+            chosen = heappop(waiting)[2]
+            closure = Closure(self.experience, readings=chosen)
+            if chosen:
+                least = self._close(active, closure)
+                if least is not None:
+                    return least
+
+            def consistent(some: frozenset[Literal], held: Closure = closure) -> bool:
+                return self._close(some, held) is not None
+
+            conflict = shrink_conflict(ordered, consistent)
+            for v in sorted(x.number for x in conflict if x.kind == "star"):
+                for r in range(len(self.experience.visits[v].readings)):
+                    other = {**chosen, v: r}
+                    key = tuple(sorted((w, q) for w, q in other.items() if q))
+                    if key not in seen:
+                        seen.add(key)
+                        heappush(waiting, (self._price(other), len(seen), dict(key)))
+        return None
+
+    def _price(self, chosen: dict[int, int]) -> float:
+        readings = self.experience.visits
+        return -sum(log(readings[v].readings[r].weight) for v, r in chosen.items())
 
     def _search(self, active: frozenset[Literal]) -> Hypothesis | None:
         """Ask the solver: planarity or the choice of readings decides."""
         from hssh_kb.maps import make_converter
 
+        if len(self.experience) > SEARCH_LIMIT:
+            raise OutOfTimeError
         self.searches += 1
         program = self.program(active, [name for name in AXIOMS if self._holds(name)])
         convert = make_converter(len(self.experience), not self.certain)

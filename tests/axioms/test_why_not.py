@@ -87,6 +87,24 @@ def test_every_no_names_an_axiom_and_the_users_visits(seed):
         assert len(violation.observations) >= 2
 
 
+@pytest.mark.parametrize("seed", range(700, 712))
+def test_readings_are_chosen_to_agree_with_assumptions(seed):
+    rng = random.Random(seed)
+    experience = worlds.with_alternatives(rng, draw(seed, 4))
+    given = suppose(rng, len(experience), 2)
+    answer = check(experience, [text(a) for a in given])
+    twin = brute_force.all_maps(brute_force.plain(experience))
+    agrees = {m for m in twin if all((m.visits[v] == m.visits[w]) == s for v, w, s in given)}
+    assert answer.consistent == bool(agrees)
+    if agrees:
+        example = answer.example
+        readings = example.readings or (0,) * len(experience)
+        assert (example.visits, example.offsets, readings) in agrees
+    else:
+        assert answer.violations
+        assert answer.repairs
+
+
 def test_planarity_alone_can_say_no():
     # Two loops cross at one place; the third visit is lined up by leaving as at the first.
     corner = ["c+1", "d+1", "c-0", "d-0"]
