@@ -91,6 +91,11 @@ class Node:
         self.state: LeafState | None = None
         self.children: dict[Decision, Node] | None = None
 
+    @property
+    def is_new(self) -> bool:
+        """Whether the latest visit is the first to its place."""
+        return self.parent is not None and self.decision.place == self.parent.places
+
     def chain(self) -> list[Node]:
         """Return the nodes from the root to this one."""
         out: list[Node] = []

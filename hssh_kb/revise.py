@@ -11,11 +11,14 @@ Source: ours.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
 from hssh_kb.map_tree import Decision, MapTree, Node, Option
+
+_Move = tuple[tuple[object, ...], list[int], frozenset[int], Mapping[int, int]]
+"""Name, place label of each visit, travels to believe if possible, stars to read anew."""
 
 _WORTH_NATS = 3.0
 _MOST_MERGERS = 24
@@ -36,13 +39,13 @@ def revise_map(
     improved = True
     while improved and not is_over():
         improved = False
-        for key, labels, believed in _list_moves(tree, node):
+        for key, labels, believed, stars in _list_moves(tree, node):
             if is_over():
                 return
             if (node.serial, key) in known:
                 continue
             known.add((node.serial, key))
-            made = thread_visits(tree, node, labels, believed)
+            made = thread_visits(tree, node, labels, believed, stars)
             if made is not None and key[0] == "merge" and made.score <= node.score:
                 made = _merge_on(tree, made, node.score, is_over)
             if made is not None and made.score > node.score + 1e-9:
@@ -92,26 +95,30 @@ def _merge_labels(labels: list[int], pairs: Sequence[tuple[int, int]]) -> list[i
     return [into.get(label, label) for label in labels]
 
 
-def _list_moves(
-    tree: MapTree, node: Node
-) -> Iterator[tuple[tuple[object, ...], list[int], frozenset[int]]]:
-    """Yield (name, place label of each visit, travels to believe if possible)."""
+def _list_moves(tree: MapTree, node: Node) -> Iterator[_Move]:
+    """Yield what to try, the most promising first."""
     chain = node.chain()[1:]
     labels = [one.decision.place for one in chain]
     none: frozenset[int] = frozenset()
     doubted = [one.visit for one in chain if one.decision.doubted]
     pairs = _find_near_places(tree, node)
     if len(pairs) > 1:
-        yield ("all",), _merge_labels(labels, pairs), none
+        yield ("all",), _merge_labels(labels, pairs), none, {}
     for pair in pairs:
-        yield ("merge", *pair), _merge_labels(labels, [pair]), none
+        yield ("merge", *pair), _merge_labels(labels, [pair]), none, {}
     for v in doubted:
-        yield ("believe", v), labels, frozenset((v,))
+        yield ("believe", v), labels, frozenset((v,)), {}
+    touched = {labels[v] for travel in doubted for v in (travel - 1, travel)}
     for one in chain:
-        if one.decision.place < one.places and sum(one.addends[:2]) < -4 * _WORTH_NATS:
+        if one.is_new and one.decision.place in touched:
+            for j in range(len(tree.visits[one.visit].readings)):
+                if j != one.decision.reading and labels.count(one.decision.place) > 1:
+                    yield ("read", one.visit, j), labels, frozenset(doubted), {one.visit: j}
+    for one in chain:
+        if not one.is_new and sum(one.addends[:2]) < -4 * _WORTH_NATS:
             split = list(labels)
             split[one.visit] = max(labels) + 1
-            yield ("split", one.visit), split, none
+            yield ("split", one.visit), split, none, {}
 
 
 def _find_near_places(tree: MapTree, node: Node) -> list[tuple[int, int]]:
@@ -136,7 +143,11 @@ def _find_near_places(tree: MapTree, node: Node) -> list[tuple[int, int]]:
 
 
 def thread_visits(
-    tree: MapTree, donor: Node, labels: Sequence[int], believed: frozenset[int]
+    tree: MapTree,
+    donor: Node,
+    labels: Sequence[int],
+    believed: frozenset[int],
+    stars: Mapping[int, int] | None = None,
 ) -> Node | None:
     """Return the map of the donor's visits under other places, None if it cannot stand.
 
@@ -148,9 +159,11 @@ def thread_visits(
     tree, donor : the map to start from.
     labels : the place wanted for each visit; equal labels, one place.
     believed : travels not to be doubted if they can stand.
+    stars : reading to take at the first visit of a place, by that visit.
     """
     chain = donor.chain()[1:]
-    changed = _find_changed(chain, labels)
+    stars = stars or {}
+    changed = _find_changed(chain, labels) | {labels[v] for v in stars}
     number: dict[int, int] = {}
     node = chain[0].parent
     for one in chain:
@@ -160,7 +173,8 @@ def thread_visits(
         if v in believed:
             wanted = wanted._replace(doubted=False)
         if place < 0 and label in changed:
-            wanted = wanted._replace(offset=0, reading=_choose_reading(tree, labels, v))
+            read = stars[v] if v in stars else _choose_reading(tree, labels, v)
+            wanted = wanted._replace(offset=0, reading=read)
         further = _follow(node, wanted, label not in changed and v not in believed)
         if further is None:
             further = _take_best(tree, node, wanted, place)
