@@ -3,7 +3,7 @@
 One passage sees a crossing incompletely: a half-circle lidar misses what lies behind, a shadow
 looks like an opening. Two visits close to each other in the drive may have been at one place; so
 the star that one of them saw is offered to the other as a reading, at the price of the gateways
-that were then missed or imagined. Whether it *was* one place is for the axioms and the layout to say.
+that were then missed or imagined. Whether it *was* one place is for axioms and layout to say.
 
 Source: ours; it stands for the exploration of a suspected place that Beeson 2008, section 5.3.2,
 asks of a robot, where the drive is over and cannot be changed.
@@ -114,8 +114,9 @@ def _carry_over(
 
 
 def _open_headings(reading: PlaceReading) -> Array:
-    headings: Array = np.asarray(reading.headings_rad, float)
-    return headings[np.array(reading.star.alpha, bool)]
+    """Return the directions (k,) in which the star can be left."""
+    alpha = np.array(reading.star.alpha, bool)
+    return np.asarray(np.asarray(reading.headings_rad, float)[alpha], float)
 
 
 def _best_turn(seen: Array, own: Array, settings: ExpectationSettings) -> float:

@@ -163,7 +163,7 @@ def _drive_turn(kb: KnowledgeBase, scan: int) -> float:
     if kb.record.options["poses"] == "corrected":
         return 0.0
     visit = int(np.searchsorted(kb.trajectory.visit_scans, scan))
-    visit = min(visit, len(kb.experience) - 1)
+    visit = min(visit, len(kb.hypotheses[0].visits) - 1)
     hypothesis = kb.hypotheses[0]
     laid = kb.layouts[0].poses[hypothesis.places.index(hypothesis.visits[visit]), 2]
     return float(kb.trajectory.corrected[scan, 2] - kb.trajectory.poses[scan, 2] + laid)
