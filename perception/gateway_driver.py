@@ -116,7 +116,7 @@ class GatewayDriver:
                 return self._approach(view.centre, direction, start, length)
             if way > length + _LATE_M:
                 return None
-            if self._is_overdue(start, length, direction):
+            if self._is_overdue(start, length, direction, stuck):
                 self.reckoned += 1
                 return view.centre if view is not None and view.at_place else here.copy()
             target = self._choose_target(view, direction)
@@ -160,9 +160,10 @@ class GatewayDriver:
             stuck = 0 if self._steer_to(centre) else stuck + 1
         return centre
 
-    def _is_overdue(self, start: Array, length: float, direction: float) -> bool:
-        """Tell whether the robot has gone as far as told without seeing the place."""
-        return self._advance(start, direction) > length + 0.3
+    def _is_overdue(self, start: Array, length: float, direction: float, stuck: int) -> bool:
+        """Tell whether the robot has come as far as told, or to a wall, and saw no place."""
+        way = self._advance(start, direction)
+        return way > length + 0.3 or (stuck > 20 and way > length - 1.5)
 
     def _advance(self, start: Array, direction: float) -> float:
         """Return how far the robot has come in a direction, metres."""
