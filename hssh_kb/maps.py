@@ -12,7 +12,7 @@ from hssh_kb.facts import candidate_facts, experience_to_facts
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.oracle import Oracle
 from hssh_kb.planarity import make_planarity_test
-from hssh_kb.solver import Symbol, is_satisfiable, solve_all, solve_best, solve_minimal
+from hssh_kb.solver import Models, Symbol, is_satisfiable, solve_all, solve_best, solve_minimal
 from hssh_kb.subsets import OutOfTimeError
 from hssh_kb.theory import axiom_program, policy_levels, policy_program, read_programs
 
@@ -213,9 +213,21 @@ def _best_by_cardinality(
     budget_s: float | None,
 ) -> Enumeration:
     further = ("objective", policy_program(policy))
+    readings = _has_alternatives(experience)
+    end = None if budget_s is None else time.monotonic() + budget_s
+    if planarity and not readings:
+        # If some best map is planar although nothing asked for it, no planar map is better.
+        program = strict_program(experience, planarity=False, visits=count, further=further)
+        convert = make_converter(count, False, make_planarity_test(experience, count))
+        models = solve_best(program, convert, limit=limit, budget_s=budget_s)
+        if models.found and models.complete:
+            return _ranked(models)
     program = strict_program(experience, planarity=planarity, visits=count, further=further)
-    convert = make_converter(count, _has_alternatives(experience))
-    models = solve_best(program, convert, limit=limit, budget_s=budget_s)
+    convert = make_converter(count, readings)
+    return _ranked(solve_best(program, convert, limit=limit, budget_s=_rest(end)))
+
+
+def _ranked(models: Models[Hypothesis]) -> Enumeration:
     maps = tuple(sorted(models.found, key=_sort_key))
     return Enumeration(maps, models.complete, costs=(models.cost,) * len(maps))
 
