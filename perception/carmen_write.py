@@ -22,7 +22,11 @@ _HEADER = (
 
 
 def write_carmen(
-    path: str | os.PathLike[str], log: ScanLog, *, max_range_m: float | None = None, host: str = "hssh"
+    path: str | os.PathLike[str],
+    log: ScanLog,
+    *,
+    max_range_m: float | None = None,
+    host: str = "hssh",
 ) -> None:
     """Write a scan log as a raw CARMEN log: PARAM, ODOM and FLASER lines, atomically.
 
