@@ -142,7 +142,20 @@ def compare_with_truth(kb: KnowledgeBase, world: World, log: ScanLog) -> Truth:
         away = np.hypot(*(centres - log.truth[int(scan), :2]).T) if log.truth is not None else None
         near = away is not None and away.min() <= _NEAR_M
         visits.append(names[int(away.argmin())] if away is not None and near else None)
-    return Truth(tuple(visits), passed, tuple(_find_faults(kb, visits, passed)))
+    faults = [
+        f"v{v} (P{kb.hypothesis().visits[v]}) is at no place of the world's graph: "
+        f"{_name_spot(world, log, scans[v])}"
+        for v, name in enumerate(visits)
+        if name is None
+    ]
+    return Truth(tuple(visits), passed, (*faults, *_find_faults(kb, visits, passed)))
+
+
+def _name_spot(world: World, log: ScanLog, scan: int) -> str:
+    if log.truth is None:
+        return "the log has no true poses"
+    x, y = (float(value) for value in log.truth[int(scan), :2])
+    return f"({x:.1f}, {y:.1f}) m, {world.name_at(x, y) or 'nowhere'}"
 
 
 def _find_faults(kb: KnowledgeBase, visits: list[str | None], passed: tuple[str, ...]) -> list[str]:
@@ -150,13 +163,11 @@ def _find_faults(kb: KnowledgeBase, visits: list[str | None], passed: tuple[str,
     told = [place for place in visits if place is not None]
     if tuple(told) != passed:
         missed = len(passed) - _count_in_order(passed, told)
-        extra = len(visits) - _count_in_order(passed, told)
+        extra = len(told) - _count_in_order(passed, told)
         faults.append(
             f"of {len(passed)} passes of true places {missed} made no visit, "
-            f"and {extra} of {len(visits)} visits belong to none"
+            f"and {extra} of {len(told)} visits at true places are no pass of theirs"
         )
-    elif None in visits:
-        faults.append(f"{visits.count(None)} visits were not at a true place")
     places = kb.hypothesis().visits
     owner: dict[int, str] = {}
     home: dict[str, int] = {}

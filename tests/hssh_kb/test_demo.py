@@ -65,7 +65,7 @@ def test_a_missed_pass_and_a_visit_to_no_place_are_found(kb):
     world = world_of(kb)
     world.truth.remove_node("21")
     faults = compare_with_truth(kb, world, log_of(kb)).faults
-    assert any("not at a true place" in fault for fault in faults)
+    assert any("v3 (P3) is at no place" in fault for fault in faults)
     world = world_of(kb)
     x, y = kb.trajectory.poses[4, :2]
     world.truth.add_node("between", x=float(x), y=float(y), kind="T")
