@@ -16,14 +16,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from perception.continuity import StarReading
 from perception.errors import InputError
 from perception.geometry import Array, wrap_angle
 from perception.grid import Frame, Image
 from perception.lpm import LocalMap
 from perception.scanlog import ScanLog
 from perception.star import Star
-from perception.topology import LocalTopology, StarReading, local_topology
-
+from perception.topology import LocalTopology, local_topology
 
 REVIEW_STEP_M, REVIEW_MAX_M, REVIEW_VOTE = 1.0, 4.5, 1.0
 
