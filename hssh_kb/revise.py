@@ -11,14 +11,34 @@ Source: ours.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from hssh_kb.map_tree import Decision, MapTree, Node, Option
 
-_Move = tuple[tuple[object, ...], list[int], frozenset[int], Mapping[int, int]]
-"""Name, place label of each visit, travels to believe if possible, stars to read anew."""
+
+@dataclass(frozen=True)
+class Change:
+    """What to change in a map.
+
+    Attributes
+    ----------
+    key : name of the change.
+    labels : the place wanted for each visit; equal labels, one place.
+    believed : travels not to be doubted if they can stand.
+    blamed : travels to be doubted.
+    stars : reading to take at the first visit of a place, by that visit.
+    """
+
+    key: tuple[object, ...]
+    labels: Sequence[int]
+    believed: frozenset[int] = frozenset()
+    blamed: frozenset[int] = frozenset()
+    stars: Mapping[int, int] = field(default_factory=dict)
+
 
 _WORTH_NATS = 3.0
 _MOST_MERGERS = 24
@@ -39,14 +59,14 @@ def revise_map(
     improved = True
     while improved and not is_over():
         improved = False
-        for key, labels, believed, stars in _list_moves(tree, node):
+        for change in _list_changes(tree, node):
             if is_over():
                 return
-            if (node.serial, key) in known:
+            if (node.serial, change.key) in known:
                 continue
-            known.add((node.serial, key))
-            made = thread_visits(tree, node, labels, believed, stars)
-            if made is not None and key[0] == "merge" and made.score <= node.score:
+            known.add((node.serial, change.key))
+            made = thread_visits(tree, node, change)
+            if made is not None and change.key[0] == "merge" and made.score <= node.score:
                 made = _merge_on(tree, made, node.score, is_over)
             if made is not None and made.score > node.score + 1e-9:
                 node, improved = made, True
@@ -71,8 +91,8 @@ def _merge_on(tree: MapTree, node: Node, goal: float, is_over: Callable[[], bool
             visits = first[pair[0]], first[pair[1]]
             if visits in failed:
                 continue
-            merged = _merge_labels(labels, [pair])
-            made = thread_visits(tree, node, merged, frozenset())
+            change = Change(("merge", *pair), _merge_labels(labels, [pair]))
+            made = thread_visits(tree, node, change)
             if made is not None and made.places < node.places:
                 node = made
                 break
@@ -95,30 +115,42 @@ def _merge_labels(labels: list[int], pairs: Sequence[tuple[int, int]]) -> list[i
     return [into.get(label, label) for label in labels]
 
 
-def _list_moves(tree: MapTree, node: Node) -> Iterator[_Move]:
+def _list_changes(tree: MapTree, node: Node) -> Iterator[Change]:
     """Yield what to try, the most promising first."""
     chain = node.chain()[1:]
     labels = [one.decision.place for one in chain]
-    none: frozenset[int] = frozenset()
-    doubted = [one.visit for one in chain if one.decision.doubted]
+    doubted = frozenset(one.visit for one in chain if one.decision.doubted)
     pairs = _find_near_places(tree, node)
     if len(pairs) > 1:
-        yield ("all",), _merge_labels(labels, pairs), none, {}
+        yield Change(("all",), _merge_labels(labels, pairs))
     for pair in pairs:
-        yield ("merge", *pair), _merge_labels(labels, [pair]), none, {}
-    for v in doubted:
-        yield ("believe", v), labels, frozenset((v,)), {}
+        yield Change(("merge", *pair), _merge_labels(labels, [pair]))
+    for v in _find_blamed(tree, chain):
+        yield Change(("blame", v), labels, doubted - {v}, frozenset((v,)))
+    for v in sorted(doubted):
+        yield Change(("believe", v), labels, frozenset((v,)))
     touched = {labels[v] for travel in doubted for v in (travel - 1, travel)}
     for one in chain:
-        if one.is_new and one.decision.place in touched:
+        if one.is_new and one.decision.place in touched and labels.count(one.decision.place) > 1:
             for j in range(len(tree.visits[one.visit].readings)):
-                if j != one.decision.reading and labels.count(one.decision.place) > 1:
-                    yield ("read", one.visit, j), labels, frozenset(doubted), {one.visit: j}
+                if j != one.decision.reading:
+                    yield Change(("read", one.visit, j), labels, doubted, stars={one.visit: j})
     for one in chain:
         if not one.is_new and sum(one.addends[:2]) < -4 * _WORTH_NATS:
             split = list(labels)
             split[one.visit] = max(labels) + 1
-            yield ("split", one.visit), split, none, {}
+            yield Change(("split", one.visit), split)
+
+
+def _find_blamed(tree: MapTree, chain: Sequence[Node]) -> list[int]:
+    """Return the travels that keep doubted ones from being believed, the worst first."""
+    counts: Counter[int] = Counter()
+    for one in chain:
+        if one.decision.doubted and one.parent is not None and one.parent.visit >= 0:
+            option = tree.weigh(one.parent, one.decision._replace(doubted=False))
+            if option is not None and option.refusal is not None:
+                counts.update(option.refusal.travels)
+    return [v for v, _ in sorted(counts.items(), key=lambda item: (-item[1], item[0]))]
 
 
 def _find_near_places(tree: MapTree, node: Node) -> list[tuple[int, int]]:
@@ -142,27 +174,14 @@ def _find_near_places(tree: MapTree, node: Node) -> list[tuple[int, int]]:
     return [(int(i[k]), int(j[k])) for k in good]
 
 
-def thread_visits(
-    tree: MapTree,
-    donor: Node,
-    labels: Sequence[int],
-    believed: frozenset[int],
-    stars: Mapping[int, int] | None = None,
-) -> Node | None:
-    """Return the map of the donor's visits under other places, None if it cannot stand.
+def thread_visits(tree: MapTree, donor: Node, change: Change) -> Node | None:
+    """Return the map of the donor's visits with a change, None if it cannot stand.
 
     Readings, offsets and doubts are kept where they can stand and chosen anew, greedily,
     where they cannot.
-
-    Parameters
-    ----------
-    tree, donor : the map to start from.
-    labels : the place wanted for each visit; equal labels, one place.
-    believed : travels not to be doubted if they can stand.
-    stars : reading to take at the first visit of a place, by that visit.
     """
     chain = donor.chain()[1:]
-    stars = stars or {}
+    labels, stars = change.labels, change.stars
     changed = _find_changed(chain, labels) | {labels[v] for v in stars}
     number: dict[int, int] = {}
     node = chain[0].parent
@@ -170,14 +189,15 @@ def thread_visits(
         v, label = one.visit, labels[one.visit]
         place = number.get(label, -1)
         wanted = one.decision._replace(place=place if place >= 0 else len(number))
-        if v in believed:
-            wanted = wanted._replace(doubted=False)
+        settled = label not in changed and v not in change.believed
+        if v in change.believed or v in change.blamed:
+            wanted = wanted._replace(doubted=v in change.blamed)
         if place < 0 and label in changed:
             read = stars[v] if v in stars else _choose_reading(tree, labels, v)
             wanted = wanted._replace(offset=0, reading=read)
-        further = _follow(node, wanted, label not in changed and v not in believed)
+        further = _follow(node, wanted, settled)
         if further is None:
-            further = _take_best(tree, node, wanted, place)
+            further = _take_best(tree, node, wanted, place, v in change.blamed)
         if further is None:
             return None
         if place < 0:
@@ -222,7 +242,9 @@ def _follow(node: Node | None, wanted: Decision, settled: bool) -> Node | None:
     return node.children.get(wanted) if settled or node.visit < 0 else None
 
 
-def _take_best(tree: MapTree, node: Node | None, wanted: Decision, place: int) -> Node | None:
+def _take_best(
+    tree: MapTree, node: Node | None, wanted: Decision, place: int, blamed: bool
+) -> Node | None:
     """Return the best child that takes the next visit as wanted, or nearly so."""
     if node is None or node.visit < 0:
         return None
@@ -238,7 +260,7 @@ def _take_best(tree: MapTree, node: Node | None, wanted: Decision, place: int) -
                 choices += [Decision(place, offset, i, doubt) for doubt in (False, True)]
     best: Option | None = None
     for choice in choices:
-        if choice.doubted and not tree.score.slip:
+        if (choice.doubted and not tree.score.slip) or (blamed and not choice.doubted):
             continue
         option = tree.weigh(node, choice)
         if option is None or option.refusal is not None:

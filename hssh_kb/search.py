@@ -227,7 +227,7 @@ class TreeOfMaps:
             else:
                 self._run_cycle(end)
         if self._has_complete():
-            self._revise(last, end)
+            self._revise(last, end, 4)
 
     def _has_complete(self) -> bool:
         return self._queues.has_items(len(self._visits) - 1)
@@ -279,17 +279,21 @@ class TreeOfMaps:
             node = max(grown, key=lambda child: child.score, default=None)
         self._stale = 0
 
-    def _revise(self, depth: int, end: float) -> None:
-        """Revise the best map of a depth as a whole; whatever that makes waits as a leaf."""
-        maps = self._queues.list_best(depth, 4)
-        if not maps:
-            return
+    def _revise(self, depth: int, end: float, count: int = 1) -> None:
+        """Revise the best maps of a depth as a whole; whatever that makes waits as a leaf."""
+        partitions: set[tuple[int, ...]] = set()
 
         def is_over() -> bool:
             return time.monotonic() >= end
 
-        for better in revise_map(self.tree, maps[0], is_over, self._seen):
-            self._queues.queue_chain(better)
+        for node in self._queues.list_best(depth, 40 * count):
+            partition = tuple(one.decision.place for one in node.chain())
+            if partition not in partitions:
+                partitions.add(partition)
+                for better in revise_map(self.tree, node, is_over, self._seen):
+                    self._queues.queue_chain(better)
+            if len(partitions) == count:
+                break
 
     def _is_settled(self, best: int, prospect: float) -> bool:
         """Return whether no waiting map has the prospect to be among the best."""
