@@ -77,14 +77,15 @@ def draw_legend(
     travelled = [path for path in graph.paths if path.travelled]
     scene.add(Text(x, y, "Paths, places in order", 12.5, INK, bold=True, group=group))
     y += _ROW + 2
-    for path in travelled[:_MOST_PATHS]:
+    most = max(int((scene.height - y) / _ROW) - 4, _MOST_PATHS)
+    for path in travelled[:most]:
         colour = palette.colour(path.name)
         scene.add(Disc(x + 9, y, 8.5, colour, group=group))
         scene.add(Text(x + 9, y, path.name, 10.5, PAPER, "middle", bold=True, group=group))
         titles = [graph.places[label].title for label in path.places]
         y = _write(scene, " \u2013 ".join(titles), x + 26, y, width=_WIDTH - 26)
-    if len(travelled) > _MOST_PATHS:
-        y = _write(scene, f"and {len(travelled) - _MOST_PATHS} more", x + 26, y)
+    if len(travelled) > most:
+        y = _write(scene, f"and {len(travelled) - most} more", x + 26, y)
     stubs = len(graph.paths) - len(travelled)
     if stubs:
         noun = "path" if stubs == 1 else "paths"

@@ -37,9 +37,9 @@ def word_steps(steps: Sequence[Step], graph: PlaceGraph) -> tuple[Step, ...]:
 def word_route(steps: Sequence[Step], graph: PlaceGraph) -> str:
     """Return the instructions as one paragraph; steps close to each other share a sentence."""
     table = load_phrases()
-    clauses = [
-        (step, _word_clause(step, graph)) for step in steps if step.action in {"turn", "arrive"}
-    ]
+    clauses = _merge_corners(
+        [(step, _word_clause(step, graph)) for step in steps if step.action in {"turn", "arrive"}]
+    )
     sentences = [step.text for step in steps if step.action == "orient"]
     i = 0
     while i < len(clauses):
@@ -50,6 +50,22 @@ def word_route(steps: Sequence[Step], graph: PlaceGraph) -> str:
         sentences.append(f"{text[0].upper()}{text[1:]}.")
         i += 1
     return " ".join(sentences)
+
+
+def _merge_corners(clauses: Sequence[tuple[Step, str]]) -> list[tuple[Step, str]]:
+    """Tell corners that follow one another in one clause."""
+    merged = list[tuple[Step, str]]()
+    for step, text in clauses:
+        if merged and _is_corner(step) and _is_corner(merged[-1][0]):
+            told = _fill("turn", "corner.more", before=merged[-1][1], side=_side(step))
+            merged[-1] = merged[-1][0], told
+        else:
+            merged.append((step, text))
+    return merged
+
+
+def _is_corner(step: Step) -> bool:
+    return step.action == "turn" and step.anchor == "corner" and not step.past
 
 
 def _is_close(step: Step) -> bool:

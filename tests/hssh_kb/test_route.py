@@ -127,6 +127,19 @@ def test_wording_of_a_turn(stars, turn, words):
     assert not re.search(r"north|south|east|west|metre|degree|\d m\b", text)
 
 
+def test_corners_in_a_row_are_told_in_one_breath():
+    visits = [(["a+1", "a-0"], None, 0)]
+    for opening in (LEFT, RIGHT, LEFT):
+        star = ["a+0", f"b+{int(opening == RIGHT)}", "a-1", f"b-{int(opening == LEFT)}"]
+        visits.append((star, 0, opening))
+    visits.append((["a+0", "a-1"], 0, None))
+    kb = single_kb(make_experience(visits), Hypothesis(tuple(range(5)), (0,) * 5))
+    assert kb.route("P0", "P4").text == (
+        "Leave P0 by the only way out. Follow the corridor round to the left, then to the right, "
+        "then to the left; then go on to the end of the corridor: that is P4."
+    )
+
+
 @pytest.mark.parametrize(
     ("stars", "words"),
     [
