@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+from hssh_kb.enumerator import TreeEnumerator
 from hssh_kb.errors import UsageError
 from hssh_kb.experience import Experience
 from hssh_kb.facts import candidate_facts, experience_to_facts
@@ -84,6 +85,8 @@ def enumerate_maps(
     planarity: bool = True,
     limit: int | None = None,
     budget_s: float | None = None,
+    engine: str = "tree",
+    rules: str = "",
 ) -> Enumeration:
     """Find all maps that are consistent with an experience.
 
@@ -93,27 +96,33 @@ def enumerate_maps(
     order, planarity : whether these axioms hold.
     limit : stop after so many maps.
     budget_s : stop after so many seconds.
+    engine : "program" asks the solver; "tree" grows the same maps sooner, where each visit has
+        one reading and no rules are added, and asks the solver otherwise.
+    rules : further rules for ``violation/2``, such as an axiom of one's own.
 
     Returns
     -------
     Enumeration : ``complete`` is False if a budget ended the search. An experience that
-        contradicts itself gives the maps of its longest consistent beginning.
+        contradicts itself gives the maps of its longest consistent beginning; under rules of
+        one's own it gives none.
 
     Raises
     ------
-    UsageError : a budget that is not positive.
+    UsageError : a budget that is not positive, or an unknown engine.
     """
+    if engine not in ("tree", "program"):
+        raise UsageError(f"the engine is 'tree' or 'program', not {engine!r}")
     end = _deadline(limit, budget_s)
     count = len(experience)
-    found = _enumerate(experience, count, order, planarity, limit, budget_s)
-    if found.maps or not found.complete:
+    found = _enumerate(experience, count, order, planarity, limit, budget_s, engine, rules)
+    if found.maps or not found.complete or rules:
         return found
     broken = find_inconsistent_visit(
         experience, order=order, planarity=planarity, budget_s=_rest(end)
     )
     if broken is None:
         return Enumeration((), complete=False)
-    kept = _enumerate(experience, broken, order, planarity, limit, _rest(end))
+    kept = _enumerate(experience, broken, order, planarity, limit, _rest(end), engine)
     return Enumeration(kept.maps, kept.complete, inconsistent_from=broken)
 
 
@@ -254,10 +263,19 @@ def _enumerate(
     planarity: bool,
     limit: int | None,
     budget_s: float | None,
+    engine: str = "tree",
+    rules: str = "",
 ) -> Enumeration:
     readings = _has_alternatives(experience)
+    if engine == "tree" and not readings and not rules:
+        end = None if budget_s is None else time.monotonic() + budget_s
+        tree = TreeEnumerator(
+            experience, count, order=order, planarity=planarity, limit=limit, end=end
+        )
+        complete = tree.run()
+        return Enumeration(tuple(sorted(tree.found, key=_sort_key)), complete)
     by_filter = planarity and not readings  # quicker than guessing faces; tests hold both equal
-    program = strict_program(
+    program = rules + strict_program(
         experience, order=order, planarity=planarity and not by_filter, visits=count
     )
     keep = make_planarity_test(experience, count) if by_filter else None

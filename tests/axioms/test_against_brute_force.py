@@ -6,6 +6,7 @@ import brute_force
 import pytest
 import worlds
 
+from hssh_kb.errors import UsageError
 from hssh_kb.experience import Experience, experience_from_data, experience_to_data
 from hssh_kb.maps import (
     count_paths,
@@ -16,6 +17,7 @@ from hssh_kb.maps import (
     strict_program,
 )
 from hssh_kb.solver import solve_all
+from hssh_kb.theory import POLICIES
 
 SWITCHES = (
     {},
@@ -43,10 +45,11 @@ def test_all_maps_equal_those_of_the_twin(chunk):
     for seed in range(chunk * 20, chunk * 20 + 20):
         experience, switches = draw(seed), SWITCHES[seed % 4]
         twin = brute_force.all_maps(brute_force.plain(experience), **switches)
-        found = enumerate_maps(experience, **switches)
-        assert found.complete
-        assert len(found.maps) == len(keys(found.maps)), f"a map twice, seed {seed}"
-        assert keys(found.maps) == {tuple(m) for m in twin}, f"seed {seed}"
+        for engine in ("tree", "program"):
+            found = enumerate_maps(experience, engine=engine, **switches)
+            assert found.complete
+            assert len(found.maps) == len(keys(found.maps)), f"a map twice, seed {seed}"
+            assert keys(found.maps) == {tuple(m) for m in twin}, f"seed {seed}, {engine}"
 
 
 @pytest.mark.parametrize("chunk", range(4))
@@ -104,7 +107,7 @@ def test_generators_and_planarity_by_program_or_by_filter_agree(seed):
         generator: keys(solve_all(strict_program(experience, generator=generator), convert).found)
         for generator in ("wide", "tight", "given")
     }
-    answers["filter"] = keys(enumerate_maps(experience).maps)
+    answers["filter"] = keys(enumerate_maps(experience, engine="program").maps)
     if not answers["wide"]:
         assert enumerate_maps(experience).inconsistent_from is not None
         answers["filter"] = set()
@@ -141,6 +144,54 @@ def test_contradictory_experience_names_the_visit_and_keeps_the_maps_before(seed
 
 def test_consistent_experience_is_inconsistent_nowhere():
     assert find_inconsistent_visit(draw(1)) is None
+
+
+def test_rules_of_ones_own_are_obeyed():
+    experience = worlds.grid(2, 2).drive(worlds.RING)
+    every = enumerate_maps(experience).maps
+    rules = "violation(mine, home(V)) :- place(V,0,O), V > 0."
+    found = enumerate_maps(experience, rules=rules).maps
+    assert found == tuple(h for h in every if 0 not in h.visits[1:])
+    assert 0 < len(found) < len(every)
+
+
+def test_limits_and_budgets_are_kept_and_said():
+    experience = worlds.grid(2, 2, stubs=True).drive(worlds.RING)
+    for engine in ("tree", "program"):
+        some = enumerate_maps(experience, limit=10, engine=engine)
+        assert len(some.maps) == 10
+        assert not some.complete
+        exact = enumerate_maps(experience, limit=444, engine=engine)
+        assert len(exact.maps) == 444
+        assert exact.complete
+    long = worlds.grid(3, 3, stubs=True)
+    walk = worlds.random_walk(random.Random(2), long, 40)
+    late = enumerate_maps(long.drive(walk), budget_s=0.05)
+    assert not late.complete
+    with pytest.raises(UsageError, match="more than 0 seconds"):
+        enumerate_maps(experience, budget_s=0)
+    with pytest.raises(UsageError, match="at least 1 map"):
+        minimal_maps(experience, limit=0)
+    with pytest.raises(UsageError, match="'cardinality' or 'subset'"):
+        minimal_maps(experience, minimal="least")
+    with pytest.raises(UsageError, match="engine"):
+        enumerate_maps(experience, engine="steam")
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+def test_each_policy_minimises_in_its_order(policy):
+    for seed in range(7000, 7006):
+        experience = draw(seed, 7)
+        plain = brute_force.plain(experience)
+        costs = {m: brute_force.count(plain, m) for m in brute_force.all_maps(plain)}
+        order = {
+            "paths-then-places": lambda c: c,
+            "places-then-paths": lambda c: c[::-1],
+            "places-only": lambda c: c[1:],
+        }[policy]
+        best = min(order(c) for c in costs.values())
+        expected = {tuple(m) for m, c in costs.items() if order(c) == best}
+        assert keys(minimal_maps(experience, policy=policy).maps) == expected
 
 
 def turned(experience, turns):
