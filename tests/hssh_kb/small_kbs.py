@@ -42,9 +42,12 @@ def new_places_map(truth: Truth) -> Hypothesis:
     )
 
 
-def make_kb(names=None) -> KnowledgeBase:
-    """A figure-8 walk with layout, drive, local maps and global map, all made by hand."""
-    truth = walk_true(3, 2, [0, 1, 2, 5, 4, 3, 0, 1, 4])
+FIGURE_8 = (0, 1, 2, 5, 4, 3, 0, 1, 4)
+
+
+def make_kb(names=None, cells=FIGURE_8) -> KnowledgeBase:
+    """A walk on a 3x2 grid with layout, drive, local maps and global map, all made by hand."""
+    truth = walk_true(3, 2, list(cells))
     best = true_map(truth)
     visits = truth.experience.visits
     poses = [np.zeros(3)]

@@ -8,11 +8,11 @@ from collections import Counter
 import cv2
 import numpy as np
 import pytest
-from small_kbs import make_kb
+from small_kbs import STEPS_A_TRAVEL, make_kb
 
 from hssh_kb.errors import InputError, NoAnswerError, UsageError
 from hssh_kb.kb import KnowledgeBase
-from hssh_kb.labels import find_box
+from hssh_kb.labels import LabelPlacer, find_box
 from hssh_kb.map_geometry import find_geometry
 from hssh_kb.node_layout import place_nodes
 from hssh_kb.png import render_png
@@ -109,6 +109,34 @@ def test_a_stretch_is_drawn_as_driven_never_as_a_chord(kb):
     assert np.abs((curve - poses[first, :2]) @ normal).max() == pytest.approx(3.0, abs=0.3)
     ends = find_geometry(bent, graph).positions
     assert np.allclose(curve[[0, -1]], [ends[edge.start], ends[edge.goal]])
+
+
+def test_a_stretch_driven_back_more_straightly_is_drawn_as_then(kb):
+    there_and_back = make_kb(cells=(0, 1, 0))
+    poses = there_and_back.trajectory.poses.copy()
+    poses[1:STEPS_A_TRAVEL, 1] += 1.0  # the way there was no straight line
+    drive = dataclasses.replace(there_and_back.trajectory, poses=poses)
+    kb = dataclasses.replace(there_and_back, trajectory=drive)
+    geometry = find_geometry(kb, kb.graph())
+    (curve,) = geometry.curves.values()
+    assert np.allclose(curve[0], geometry.positions["P0"])
+    assert np.allclose(curve[-1], geometry.positions["P1"])
+    assert np.abs(curve[:, 1]).max() < 0.1
+
+
+def test_labels_in_a_crowd_step_aside():
+    placer = LabelPlacer((0, 0, 400, 400))
+    labels = [placer.place(200 + 9 * i, 200, f"P{i}", 12, 10) for i in range(6)]
+    boxes = [find_box(label) for label in labels]
+    for i, a in enumerate(boxes):
+        for b in boxes[:i]:
+            assert min(a[2], b[2]) <= max(a[0], b[0]) or min(a[3], b[3]) <= max(a[1], b[1])
+    inside = placer.place(399, 1, "at the corner", 12, 10)
+    left, top, right, bottom = find_box(inside)
+    assert left >= 0
+    assert top >= 0
+    assert right <= 400
+    assert bottom <= 400
 
 
 def test_another_map_without_layout_is_drawn_as_a_graph(kb):
