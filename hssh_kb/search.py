@@ -302,14 +302,32 @@ class TreeOfMaps:
         floor = found[-1].score if len(found) == best else -math.inf
         return prospect <= max(floor, top - RIVAL_NATS)
 
+    def exhaust(self) -> tuple[Hypothesis, ...]:
+        """Grow every map to the last visit and return all consistent ones, best first.
+
+        For small experiences only: their number explodes.
+        """
+        last = len(self._visits) - 1
+        while True:
+            depth, prospect = self._queues.choose_depth()
+            if prospect > -math.inf:
+                self._grow_at(depth)
+            elif not self._open_reserve():
+                nodes = self._queues.list_best(last, len(self._queues))
+                return tuple(self.tree.hypothesis(node) for node in nodes)
+
     def best(self, k: int = 1) -> tuple[Hypothesis, ...]:
         """Return the k best maps of all visits so far, those differing in places or turns."""
         return self._best_at(len(self._visits) - 1, k)
 
     def _best_at(self, depth: int, k: int) -> tuple[Hypothesis, ...]:
+        return self._pick_maps(self._queues.list_best(depth, 50 * k), k)
+
+    def _pick_maps(self, nodes: list[Node], k: int) -> tuple[Hypothesis, ...]:
+        """Return the first k maps that differ in places or turns."""
         out: list[Hypothesis] = []
         known: set[object] = set()
-        for node in self._queues.list_best(depth, 50 * k):
+        for node in nodes:
             found = self.tree.hypothesis(node)
             key = found.visits, found.offsets
             if key not in known:
@@ -324,8 +342,15 @@ class TreeOfMaps:
         return self._reached[depth]
 
     def best_so_far(self, depth: int, k: int) -> tuple[Hypothesis, ...]:
-        """Return the best maps of the visits up to one."""
-        return self._best_at(depth, k)
+        """Return the best maps of the visits up to one, whether they wait or were refuted."""
+        found, todo = list[Node](), [self.tree.root]
+        while todo:
+            node = todo.pop()
+            if node is not None and node.visit == depth:
+                found.append(node)
+            elif node is not None and node.children:
+                todo.extend(child for child in node.children.values() if child.queued)
+        return self._pick_maps(sorted(found, key=lambda node: (-node.score, node.serial)), k)
 
     @property
     def leaves(self) -> int:
