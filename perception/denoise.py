@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
 
@@ -77,6 +79,36 @@ def remove_noise(cells: Cells) -> Cells:
     occupied = (smooth > (flipped + 1.0 - holed) / 2) & ~cells.unknown
     occupied &= ~_find_specks(occupied, 10.0 * sigma**2)
     return Cells(occupied, ~(occupied | cells.unknown), cells.unknown)
+
+
+def mend_walls(cells: Cells) -> Cells:
+    """Close the gaps of walls that lack cells at random; a grid of whole walls is left alone.
+
+    The share q of missing cells is read off how often, in a row of three, the middle one is
+    missing; gaps are closed up to the length that is still to be expected somewhere.
+
+    Source
+    ------
+    Ours.
+    """
+    occupied = cells.occupied
+    whole = missing = 0
+    middle = occupied[1:-1, 1:-1]
+    for dy, dx in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        height, width = middle.shape
+        ahead = occupied[1 + dy : 1 + dy + height, 1 + dx : 1 + dx + width]
+        behind = occupied[1 - dy : 1 - dy + height, 1 - dx : 1 - dx + width]
+        pairs = ahead & behind
+        both = int(np.count_nonzero(pairs & middle))
+        whole, missing = whole + both, missing + int(np.count_nonzero(pairs)) - both
+    share = missing / max(whole + missing, 1)
+    if share < 0.02 or missing < 5:
+        return cells
+    expected = math.log(0.05 / (whole + missing)) / math.log(min(share, 0.6))
+    gap = min(math.ceil(1.5 * expected) + 1, min(occupied.shape) // 12)
+    shape = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (gap + 1, gap + 1))
+    closed = cv2.morphologyEx(occupied.view(np.uint8), cv2.MORPH_CLOSE, shape).astype(bool)
+    return Cells(closed, cells.free & ~closed, cells.unknown & ~closed)
 
 
 def _find_specks(mask: Mask, most_cells: float) -> Mask:

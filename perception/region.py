@@ -92,7 +92,7 @@ def find_region(
     ------
     Beeson 2008, 6.1.1: islands, bleeding, exits; the arcs are ours.
     """
-    occupied, unknown = _clean(cells, min_frontier_px, island_px)
+    occupied, unknown = _clean(cells, radius_px, min_frontier_px, island_px)
     inside, start = _reach(occupied, unknown, radius_px, robot_px)
     bled = max(radius_px - 1.0, 0.0)
     near_wall = _touches(occupied, 2 * round(bled) + 3)
@@ -100,7 +100,9 @@ def find_region(
     return _cut_contours(inside, start, frontier, bled, min_frontier_px)
 
 
-def _clean(cells: Cells, min_frontier_px: float, island_px: float) -> tuple[Mask, Mask]:
+def _clean(
+    cells: Cells, radius_px: float, min_frontier_px: float, island_px: float
+) -> tuple[Mask, Mask]:
     """Return the occupied and the unknown cells without slivers and islands."""
     occupied, unknown = cells.occupied, cells.unknown
     side = (round(min_frontier_px) - 1) // 2 * 2 + 1  # odd: an even opening would shift
@@ -111,12 +113,14 @@ def _clean(cells: Cells, min_frontier_px: float, island_px: float) -> tuple[Mask
         opened = cv2.morphologyEx(padded, cv2.MORPH_OPEN, np.ones((side, side), np.uint8))
         unknown = opened[side:-side, side:-side].astype(bool)
     solid = (occupied | unknown).view(np.uint8)
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(solid, connectivity=8)
+    join = max(1, round(radius_px / 2))  # what lies closer together than this is one obstacle
+    grown = cv2.dilate(solid, np.ones((2 * join + 1, 2 * join + 1), np.uint8))
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(grown, connectivity=8)
     if count > 1:
         height, width = solid.shape
         x, y, w, h = stats[:, 0], stats[:, 1], stats[:, 2], stats[:, 3]
         enclosed = (x > 0) & (y > 0) & (x + w < width) & (y + h < height)
-        removed = enclosed & (np.maximum(w, h) < island_px)
+        removed = enclosed & (np.maximum(w, h) - 2 * join < island_px)
         removed[0] = False
         if removed.any():
             keep = ~removed[labels]
@@ -259,7 +263,7 @@ def _settle_runs(
                 open_[first:last] = True
             elif not wall_first and open_[first]:
                 width = max(extent, 0.5 * (last - first)) + 2 * radius_px + 2
-                if width < max(min_frontier_px, 2.0):
+                if width < max(min_frontier_px, 5.0):  # narrower ones are steps of a slanting wall
                     open_[first:last] = False
     if not open_.all() and open_.any():
         turn = int(np.flatnonzero(open_ != np.roll(open_, 1))[0])

@@ -11,7 +11,7 @@ import numpy as np
 
 from perception.continuity import Continuity, StarReading, read_stars
 from perception.core import Core, find_core
-from perception.denoise import remove_noise
+from perception.denoise import mend_walls, remove_noise
 from perception.errors import InputError
 from perception.gateways import Gateway, Method, find_gateway
 from perception.geometry import Array
@@ -122,6 +122,8 @@ def local_topology(
     cells = classify(image)
     if denoise:
         cells = remove_noise(cells)
+        if scale["radius"] == 0:  # else the body of the robot closes small gaps
+            cells = mend_walls(cells)
     region = find_region(
         cells,
         robot_px if robot_px is not None else ((width - 1) / 2, (height - 1) / 2),
