@@ -74,10 +74,22 @@ def format_table(
 
 
 def wrap_words(text: str, width: int) -> list[str]:
-    """Break a text at spaces into lines of at most ``width`` characters."""
-    import textwrap
+    """Break a text at spaces into lines of at most ``width`` characters, longer words aside.
 
-    return textwrap.wrap(text, width, break_long_words=False, break_on_hyphens=False) or [""]
+    Examples
+    --------
+    >>> wrap_words("one two three", 8)
+    ['one two', 'three']
+    """
+    lines, line = list[str](), ""
+    for word in text.split():
+        longer = f"{line} {word}" if line else word
+        if line and len(longer) > width:
+            lines.append(line)
+            line = word
+        else:
+            line = longer
+    return [*lines, line]
 
 
 Report = Callable[[str, int, int], None]

@@ -9,6 +9,7 @@ from hssh_kb.experience import load_trace, make_experience
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.maps import count_paths, enumerate_maps
 from hssh_kb.place_graph import build_place_graph
+from hssh_kb.ranking import count_map
 
 
 @pytest.mark.parametrize("name", ["ring-2x2-l", "figure8-3x2-lt", "grid-3x3-ltplus"])
@@ -17,6 +18,7 @@ def test_paths_are_counted_as_the_solver_counts_them(traces, name):
     for hypothesis in enumerate_maps(experience).maps:
         graph = build_place_graph(experience, hypothesis)
         assert len(graph.paths) == count_paths(experience, hypothesis)
+        assert count_map(experience, hypothesis) == (len(graph.paths), len(graph.places))
         assert len(graph.places) == len(hypothesis.places)
         assert not any(path.circular for path in graph.paths)
 
@@ -27,6 +29,8 @@ def test_every_travel_is_an_edge_seen_from_both_ends(seed):
     world = make_grid(4, 4, holes=0.3, rng=rng)
     truth = observe(world, walk_randomly(world, 40, rng), Eyes(turned=False), rng)
     graph = build_place_graph(truth.experience, true_map(truth))
+    sizes = len(graph.paths), len(graph.places)
+    assert count_map(truth.experience, true_map(truth)) == sizes
     for v in range(1, len(truth.places)):
         start, goal = (f"P{truth.partition[w]}" for w in (v - 1, v))
         edge = graph.edge_at[start, truth.experience.visits[v - 1].depart]
