@@ -18,6 +18,9 @@ LOWEST, HIGHEST = -4.0, 5.0
 CALLED_AT = 0.3
 """A cell is called occupied above this log-odds and free below its negative."""
 
+FAR_SHARE = 0.75
+"""Share of the range cap beyond which a beam is said to reach far."""
+
 _SHIFT = 4  # fractional bits of the polygon corners handed to OpenCV
 
 
@@ -41,10 +44,11 @@ class OccupancyGrid:
         Parameters
         ----------
         pose : (3,) pose of the laser in the frame of the grid; m, m, rad.
-        ranges_m : (b,) metres, NaN for no return; a beam without return clears nothing.
+        ranges_m : (b,) metres, NaN for no return; a beam without return clears nothing, unless the
+            beams on both sides of the gap reach far (it then looks down a long corridor).
         angles_rad : (b,) beam directions in the laser frame.
         """
-        ranges = np.nan_to_num(ranges_m.astype(float), nan=0.0)
+        ranges = np.nan_to_num(_bridge_far_gaps(ranges_m, self.range_cap_m), nan=0.0)
         hit = (ranges > 0) & (ranges < self.range_cap_m)
         reach = np.minimum(ranges, self.range_cap_m)
         directions = np.column_stack([np.cos(angles_rad), np.sin(angles_rad)])
@@ -81,6 +85,18 @@ class OccupancyGrid:
 
     def _pixels(self, pose: Array, points: Array) -> Array:
         return self.frame.to_pixels(transform_points(pose, points))
+
+
+def _bridge_far_gaps(ranges_m: NDArray[np.float32], cap_m: float) -> Array:
+    """Let beams without return, between beams that reach far, reach the cap."""
+    ranges = ranges_m.astype(float)
+    lost = np.isnan(ranges)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], lost, [False]]).astype(np.int8)))
+    for first, last in edges.reshape(-1, 2):
+        inside = first > 0 and last < len(ranges)
+        if inside and min(ranges[first - 1], ranges[last]) > FAR_SHARE * cap_m:
+            ranges[first:last] = cap_m
+    return ranges
 
 
 class LocalMap(OccupancyGrid):

@@ -75,3 +75,25 @@ def test_overlapping_scans_from_a_moving_robot_agree():
     points = local.frame.to_metres(np.column_stack([columns, rows]))
     off_wall = np.abs(np.abs(points).max(1) - 3.0)
     assert off_wall.max() < 0.16
+
+
+def corridor_scan(lost):
+    """A scan straight down a corridor of 2 m, the far end out of reach of the lidar."""
+    angles = np.deg2rad(np.arange(-90.0, 91.0))
+    with np.errstate(divide="ignore"):
+        ranges = 1.0 / np.abs(np.sin(angles))
+    ranges[ranges > lost] = np.nan
+    return ranges.astype(np.float32), angles
+
+
+def test_a_long_corridor_stays_open_where_the_lidar_does_not_reach_its_end():
+    grid = OccupancyGrid(Frame(-15, 15, 0.1), (300, 300))
+    grid.add_scan(np.zeros(3), *corridor_scan(lost=30.0))
+    row, column = 150, 150 + 100  # ten metres ahead
+    assert grid.image()[row, column] == FREE
+
+
+def test_a_gap_between_near_walls_stays_unknown():
+    grid = OccupancyGrid(Frame(-15, 15, 0.1), (300, 300))
+    grid.add_scan(np.zeros(3), *corridor_scan(lost=5.0))
+    assert grid.image()[150, 150 + 80] == UNKNOWN
