@@ -5,6 +5,9 @@ import json
 import lzma
 import random
 import sqlite3
+import subprocess
+import sys
+import time
 
 import pytest
 from small_kb_files import write_torn_kb
@@ -291,3 +294,23 @@ def test_broken_images(hssh, tmp_path, case):
 def test_a_knowledge_base_is_no_input_to_build(hssh, tmp_path):
     path = write_torn_kb(tmp_path / "office.hssh")
     assert_bad_input(hssh("build", path, "-o", tmp_path / "x.hssh"), path, "already")
+
+
+def test_a_build_killed_at_any_moment_leaves_the_old_knowledge_base_or_the_new_one(
+    hssh, tmp_path, traces
+):
+    path, rng = tmp_path / "office.hssh", random.Random(5)
+    write_torn_kb(path)
+    command = "import sys; from hssh_kb.cli import main; sys.exit(main(sys.argv[1:]))"
+    words = [sys.executable, "-c", command, "build", traces / "grid-3x3-ltplus.json", "-o", path]
+    start = time.perf_counter()
+    subprocess.run(words, check=True, capture_output=True)
+    whole_s = time.perf_counter() - start
+    for _ in range(4):
+        process = subprocess.Popen(words, stdout=subprocess.DEVNULL)
+        time.sleep(rng.uniform(0.5, 1.0) * whole_s)
+        process.kill()
+        process.wait()
+        answer = hssh("maps", path, "--json")
+        assert answer.code == 0
+        assert len(answer.document["maps"][0]["visits"]) in (3, 17)
