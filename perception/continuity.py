@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from perception.errors import InputError
@@ -19,6 +19,8 @@ from perception.star import Dlp, Star
 
 Continuity = Literal["angle", "ray"]
 MAX_BEND_RAD = math.radians(40.0)
+SURE = 0.85
+"""Gateways less confident than this may be absent in a runner-up reading."""
 _SOFTNESS_RAD = math.radians(4.0)
 _MARGIN = 0.15
 _LEAST_WEIGHT = 0.03
@@ -67,13 +69,39 @@ def read_stars(
     """
     if continuity not in ("angle", "ray"):
         raise InputError(f"there is no path continuity {continuity!r}; choose 'angle' or 'ray'")
-    if continuity == "ray":
-        return (_read(gateways, centre_px, _match_by_rays(gateways), 1.0),)
-    matchings = _match_by_angle(gateways)
     readings: list[StarReading] = []
-    for pairs, weight in matchings:
-        readings.append(_read(gateways, centre_px, pairs, weight))
+    for kept, sure in _doubt_gateways(gateways):
+        chosen = [gateways[k] for k in kept]
+        matchings = (
+            [(_match_by_rays(chosen), 1.0)] if continuity == "ray" else _match_by_angle(chosen)
+        )
+        for pairs, weight in matchings:
+            reading = _read(chosen, centre_px, pairs, weight * sure)
+            out = tuple(None if k is None else kept[k] for k in reading.gateway_out)
+            readings.append(replace(reading, gateway_out=out))
     return _merge(readings)
+
+
+def _doubt_gateways(gateways: Sequence[Gateway]) -> list[tuple[list[int], float]]:
+    """Return which gateways there are, and how likely: all of them, or without doubtful ones.
+
+    At most the two most doubtful are left out, and never all that there are.
+    """
+    every = range(len(gateways))
+    doubtful = sorted(
+        (k for k in every if gateways[k].confidence < SURE), key=lambda k: gateways[k].confidence
+    )[:2]
+    out: list[tuple[list[int], float]] = []
+    for size in range(len(doubtful) + 1):
+        for dropped in itertools.combinations(doubtful, size):
+            kept = [k for k in every if k not in dropped]
+            weight = 1.0
+            for k in doubtful:
+                sure = gateways[k].confidence
+                weight *= 1.0 - sure if k in dropped else sure
+            if kept or not gateways:
+                out.append((kept, weight))
+    return out
 
 
 def _bend(g: Gateway, h: Gateway) -> float:

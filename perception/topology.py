@@ -32,7 +32,7 @@ class LocalTopology:
     ----------
     gateways : by index; clockwise about the place.
     readings : ways to read the star, most probable first, at least one.
-    at_place : False on a bare path: exactly two gateways, on one local-path; and while the robot is
+    at_place : False on a bare path: two gateways on one local-path and no other; and while the robot is
         still on the way to the dead end that it sees ahead (the star is that of the dead end).
     base_px : (k, 2) base points of the place.
     base_radius_px : (k,) their distance to the nearest obstacle.
@@ -237,7 +237,7 @@ def _assemble(
     topology = LocalTopology(
         gateways,
         readings,
-        core.is_reached and not (len(gateways) == 2 and len(best) == 2),
+        core.is_reached and best.alpha != (1, 1),
         core.base_px,
         core.base_radius_px,
         np.array(junctions, float).reshape(-1, 2),
