@@ -32,8 +32,8 @@ class LocalTopology:
     ----------
     gateways : by index; clockwise about the place.
     readings : ways to read the star, most probable first, at least one.
-    at_place : False on a bare path: two gateways on one local-path, no other; and while the robot is
-        still on the way to the dead end that it sees ahead (the star is that of the dead end).
+    at_place : False on a bare path, with two gateways on one local-path and no other; and while
+        the robot is on the way to the dead end it sees ahead (the star is that of the dead end).
     base_px : (k, 2) base points of the place.
     base_radius_px : (k,) their distance to the nearest obstacle.
     junctions_px : (j, 2) junctions of the pruned skeleton.
