@@ -18,6 +18,7 @@ from perception.geometry import Array
 from perception.grid import Image, Mask, classify
 from perception.pruning import prune
 from perception.region import Region, find_region
+from perception.shapes import name_shape
 from perception.skeleton import OPEN, Skeleton, build_skeleton
 from perception.star import Star
 
@@ -256,6 +257,7 @@ def topology_to_data(topology: LocalTopology, file: str) -> dict[str, Any]:
     return {
         "file": file,
         "star": [str(dlp) for dlp in topology.star.dlps],
+        "shape": name_shape(topology.star),
         "gateways": [
             {
                 "centre": _rounded(g.centre_px),

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from perception.continuity import read_stars
 from perception.gateways import Gateway
+from perception.shapes import name_shape
 from perception.star import Star
 
 
@@ -45,6 +46,14 @@ def test_published_stars(headings: tuple[int, ...], star: str) -> None:
     for turn in (0, 50, 100, 213):
         found = best(*(gate(heading + turn) for heading in headings))
         assert found.isomorphisms(Star.parse(star.split()))
+
+
+def test_shapes_have_names_and_tell_mirrors_apart_only_where_they_differ() -> None:
+    names = [name_shape(best(*(gate(h) for h in hs))) for hs in ((0, 90, 180), (0, 120, 240), (5,))]
+    assert names == ["T", "Y", "dead end"]
+    assert name_shape(best(*(gate(h) for h in (225, 270, 315, 90)))) == "psi"
+    assert name_shape(best(*(gate(h) for h in (270, 315, 45, 90)))) == "K"
+    assert name_shape(best(*(gate(h) for h in (0, 72, 144, 216, 288)))) is None
 
 
 def test_shifted_corridor_is_two_paths_under_both_tests() -> None:
