@@ -1,0 +1,181 @@
+"""The basic SSH: experience as views and actions, where every action may lead anywhere.
+
+It is the theory that the hybrid one is measured by: there a star tells all turns at once, here
+each turn, too, may end at a dstate that was known or at a new one.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hssh_kb.errors import InputError
+from hssh_kb.experience import SCHEMA, Experience
+from hssh_kb.solver import Symbol, solve_all
+from hssh_kb.theory import axiom_program, read_programs
+
+TRAVEL, TURN_AROUND, FREE_TURN = "travel", "turn around", "turn"
+_AXIOMS = (
+    "dstate_unique",
+    "order_irreflexive",
+    "travel_function",
+    "dstate_identity",
+    "view_function",
+)
+"""Equations 2 to 7, 9 and 10 hold by the way places, paths and orders follow from the dstates."""
+
+
+@dataclass(frozen=True)
+class BasicExperience:
+    """An alternating sequence of views and actions.
+
+    Attributes
+    ----------
+    views : one symbol a moment.
+    actions : what was done between moments; one fewer. "travel", "turn around", "turn" (free:
+        where to is not known), and any other text that begins with "turn", such as "turn right".
+    source : where it came from, for messages.
+
+    Source
+    ------
+    Beeson, Modayil & Kuipers 2010, section 3.2.
+    """
+
+    views: tuple[str, ...]
+    actions: tuple[str, ...]
+    source: str = ""
+
+
+def load_basic_trace(path: str | Path) -> BasicExperience:
+    """Read a ``hssh.trace/1`` file of kind "basic".
+
+    Raises
+    ------
+    InputError : it cannot be read or breaks the format; all faults at once.
+    """
+    path = Path(path)
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        raise InputError(f"{path}: not a readable JSON file ({error})") from None
+    return basic_experience_from_data(data, str(path))
+
+
+def basic_experience_from_data(data: Any, source: str = "trace") -> BasicExperience:  # noqa: ANN401
+    """Check a decoded trace of kind "basic".
+
+    Raises
+    ------
+    InputError : breaks the format; all faults at once.
+
+    Examples
+    --------
+    >>> trace = {"schema": "hssh.trace/1", "kind": "basic", "views": ["T", "L"],
+    ...          "actions": ["travel"]}
+    >>> basic_experience_from_data(trace).actions
+    ('travel',)
+    """
+    if not isinstance(data, dict) or data.get("schema") != SCHEMA or data.get("kind") != "basic":
+        raise InputError(f'{source}: expected "schema": "{SCHEMA}" and "kind": "basic"')
+    views, actions = data.get("views"), data.get("actions")
+    faults = []
+    if not isinstance(views, list) or not views or not all(isinstance(w, str) for w in views):
+        faults.append("'views' must be a list of at least one symbol (text)")
+    if not isinstance(actions, list):
+        faults.append("'actions' must be a list of texts")
+    else:
+        faults += [
+            f"action {i}: {a!r} is not '{TRAVEL}' and does not begin with 'turn'"
+            for i, a in enumerate(actions)
+            if not isinstance(a, str) or not (a == TRAVEL or a.startswith("turn"))
+        ]
+        if isinstance(views, list) and len(actions) != len(views) - 1:
+            faults.append(
+                f"{len(views)} views need {len(views) - 1} actions between them, "
+                f"found {len(actions)}"
+            )
+    if faults or not isinstance(views, list) or not isinstance(actions, list):
+        raise InputError(f"{source}: {'; '.join(faults[:10])}")
+    return BasicExperience(tuple(views), tuple(actions), source)
+
+
+def forget_stars(experience: Experience) -> BasicExperience:
+    """Return what a robot of the basic SSH lives through on the same drive.
+
+    Its view is what the star looks like from the dlp it faces; a turn is named by how many dlps
+    further, clockwise, it faces then.
+    """
+    views, actions = list[str](), list[str]()
+    for visit in experience.visits:
+        star, size = visit.star, len(visit.star)
+        facing = [k for k in (visit.arrive, visit.depart) if k is not None]
+        if len(facing) == 2 and facing[0] != facing[1]:
+            turn = (facing[1] - facing[0]) % size
+            around = facing[1] == star.opposite(facing[0])
+            actions.append(TURN_AROUND if around else f"turn {turn}")
+        elif len(facing) == 2:
+            facing.pop()
+        for k in facing:
+            seen = [
+                f"{star.alpha[(k + i) % size]}{(star.opposite((k + i) % size) - k - i) % size}"
+                for i in range(size)
+            ]
+            views.append(" ".join(seen))
+        if visit.depart is not None:
+            actions.append(TRAVEL)
+    return BasicExperience(tuple(views), tuple(actions[: len(views) - 1]), experience.source)
+
+
+def basic_facts(experience: BasicExperience) -> str:
+    """Return the facts of a basic experience, for ``axioms/basic.lp``."""
+    symbols = {view: i for i, view in enumerate(sorted(set(experience.views)))}
+    lines = [f"view({i},{symbols[view]})." for i, view in enumerate(experience.views)]
+    names = {a: i for i, a in enumerate(sorted(set(experience.actions) - {FREE_TURN}))}
+    for i, action in enumerate(experience.actions):
+        # A free turn is another action each time: nothing says that it ends alike.
+        name = f"free({i})" if action == FREE_TURN else f"act({names[action]})"
+        lines.append(f"did({i},{name},{i + 1}).")
+        if action == TRAVEL:
+            lines.append(f"is_travel({name}).")
+        else:
+            lines.append(f"is_turn({name}).")
+            if action == TURN_AROUND:
+                lines.append(f"is_turn_around({name}).")
+    return "\n".join(lines) + "\n"
+
+
+def enumerate_basic_maps(
+    experience: BasicExperience,
+    *,
+    order: bool = True,
+    limit: int | None = None,
+    budget_s: float | None = None,
+) -> tuple[tuple[tuple[int, ...], ...], bool]:
+    """Find all maps of a basic experience.
+
+    Returns
+    -------
+    (maps, complete) : a map gives for each moment the first moment at the same dstate.
+
+    Source
+    ------
+    Beeson 2008, Algorithm 3.1.
+    """
+    axioms = [name for name in _AXIOMS if order or name != "order_irreflexive"]
+    program = read_programs(
+        ["basic", *map(axiom_program, axioms), "modes/strict", "show_basic"]
+    ) + basic_facts(experience)
+    count = len(experience.views)
+
+    def convert(symbols: Sequence[Symbol]) -> tuple[int, ...]:
+        dstates = list(range(count))
+        for symbol in symbols:
+            moment, first = symbol.arguments
+            dstates[moment.number] = first.number
+        return tuple(dstates)
+
+    models = solve_all(program, convert, limit=limit, budget_s=budget_s)
+    return tuple(sorted(models.found)), models.complete
