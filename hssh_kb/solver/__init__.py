@@ -1,0 +1,29 @@
+"""The one seam to clingo: programs in, plain Python out, with budgets in models and seconds."""
+
+from hssh_kb.solver.minimal import solve_minimal
+from hssh_kb.solver.reading import Term, answer_query, parse_facts, read_term, show_term
+from hssh_kb.solver.solving import (
+    Control,
+    Models,
+    Symbol,
+    ground,
+    is_satisfiable,
+    solve_all,
+    solve_best,
+)
+
+__all__ = [
+    "Control",
+    "Models",
+    "Symbol",
+    "Term",
+    "answer_query",
+    "ground",
+    "is_satisfiable",
+    "parse_facts",
+    "read_term",
+    "show_term",
+    "solve_all",
+    "solve_best",
+    "solve_minimal",
+]
