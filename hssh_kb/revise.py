@@ -65,16 +65,30 @@ def revise_map(
             if (node.serial, change.key) in known:
                 continue
             known.add((node.serial, change.key))
-            made = thread_visits(tree, node, change)
-            if made is not None and change.key[0] == "merge" and made.score <= node.score:
-                made = _merge_on(tree, made, node.score, is_over)
-            if made is not None and made.score > node.score + 1e-9:
+            made = _try_change(tree, node, change, is_over)
+            if made is not None:
                 node, improved = made, True
                 yield node
                 break
 
 
-def _merge_on(tree: MapTree, node: Node, goal: float, is_over: Callable[[], bool]) -> Node | None:
+def _try_change(
+    tree: MapTree, node: Node, change: Change, is_over: Callable[[], bool]
+) -> Node | None:
+    """Return the changed map if it is better; first as strictly as the change says."""
+    goal = node.score + 1e-9
+    for loose in (False, True) if tree.score.slip else (True,):
+        made = thread_visits(tree, node, change, loose=loose)
+        if made is not None and made.score <= goal and change.key[0] == "merge":
+            made = _merge_on(tree, made, goal, is_over, loose)
+        if made is not None and made.score > goal:
+            return made
+    return None
+
+
+def _merge_on(
+    tree: MapTree, node: Node, goal: float, is_over: Callable[[], bool], loose: bool
+) -> Node | None:
     """Return a map better than the goal by more mergers; None if none is met.
 
     A stretch of corridor held twice is only worth merging as a whole: the first mergers cost
@@ -92,14 +106,14 @@ def _merge_on(tree: MapTree, node: Node, goal: float, is_over: Callable[[], bool
             if visits in failed:
                 continue
             change = Change(("merge", *pair), _merge_labels(labels, [pair]))
-            made = thread_visits(tree, node, change)
+            made = thread_visits(tree, node, change, loose=loose)
             if made is not None and made.places < node.places:
                 node = made
                 break
             failed.add(visits)
         else:
             return None
-        if node.score > goal + 1e-9:
+        if node.score > goal:
             return node
     return None
 
@@ -174,11 +188,20 @@ def _find_near_places(tree: MapTree, node: Node) -> list[tuple[int, int]]:
     return [(int(i[k]), int(j[k])) for k in good]
 
 
-def thread_visits(tree: MapTree, donor: Node, change: Change) -> Node | None:
+def thread_visits(
+    tree: MapTree, donor: Node, change: Change, *, loose: bool = False
+) -> Node | None:
     """Return the map of the donor's visits with a change, None if it cannot stand.
 
     Readings, offsets and doubts are kept where they can stand and chosen anew, greedily,
     where they cannot.
+
+    Parameters
+    ----------
+    tree, donor, change : what to make of what.
+    loose : where a visit cannot be at the place wanted for it without doubt, it is where it
+        fits best, and so are the later visits to that place: what was made one drags its
+        neighbours along.
     """
     chain = donor.chain()[1:]
     labels, stars = change.labels, change.stars
@@ -186,23 +209,23 @@ def thread_visits(tree: MapTree, donor: Node, change: Change) -> Node | None:
     number: dict[int, int] = {}
     node = chain[0].parent
     for one in chain:
+        if node is None:
+            return None
         v, label = one.visit, labels[one.visit]
         place = number.get(label, -1)
-        wanted = one.decision._replace(place=place if place >= 0 else len(number))
-        settled = label not in changed and v not in change.believed
+        wanted = one.decision._replace(place=place if place >= 0 else node.places)
         if v in change.believed or v in change.blamed:
             wanted = wanted._replace(doubted=v in change.blamed)
         if place < 0 and label in changed:
             read = stars[v] if v in stars else _choose_reading(tree, labels, v)
             wanted = wanted._replace(offset=0, reading=read)
-        further = _follow(node, wanted, settled)
-        if further is None:
-            further = _take_best(tree, node, wanted, place, v in change.blamed)
-        if further is None:
+        known = node.children.get(wanted) if node.children else None
+        if known is None or (label in changed and node.visit >= 0) or v in change.believed:
+            known = _take_best(tree, node, wanted, place, v in change.blamed, loose)
+        if known is None:
             return None
-        if place < 0:
-            number[label] = wanted.place
-        node = further
+        number.setdefault(label, known.decision.place)
+        node = known
     return node
 
 
@@ -235,18 +258,11 @@ def _choose_reading(tree: MapTree, labels: Sequence[int], first: int) -> int:
     return chosen
 
 
-def _follow(node: Node | None, wanted: Decision, settled: bool) -> Node | None:
-    """Return the child that was made already for just this decision."""
-    if node is None or not node.children:
-        return None
-    return node.children.get(wanted) if settled or node.visit < 0 else None
-
-
 def _take_best(
-    tree: MapTree, node: Node | None, wanted: Decision, place: int, blamed: bool
+    tree: MapTree, node: Node, wanted: Decision, place: int, blamed: bool, loose: bool
 ) -> Node | None:
-    """Return the best child that takes the next visit as wanted, or nearly so."""
-    if node is None or node.visit < 0:
+    """Return the best child that takes the next visit as wanted, or else as fits best."""
+    if node.visit < 0:
         return None
     v = node.visit + 1
     choices: list[Decision] = []
@@ -258,13 +274,18 @@ def _take_best(
         for i in range(len(tree.visits[v].readings)):
             for offset in tree.isomorphisms(v, i, first, read_as):
                 choices += [Decision(place, offset, i, doubt) for doubt in (False, True)]
-    best: Option | None = None
-    for choice in choices:
-        if (choice.doubted and not tree.score.slip) or (blamed and not choice.doubted):
-            continue
-        option = tree.weigh(node, choice)
-        if option is None or option.refusal is not None:
-            continue
-        if best is None or sum(option.addends) > sum(best.addends):
-            best = option
+    options = [
+        tree.weigh(node, choice)
+        for choice in choices
+        if (tree.score.slip or not choice.doubted) and (choice.doubted or not blamed)
+    ]
+    best = _find_best(options)
+    if loose and (best is None or (best.decision.doubted and not blamed)):
+        # A gateway that is known to lead elsewhere may be better followed than doubted.
+        best = _find_best([best, *tree.options(node, lean=True)])
     return None if best is None else tree.child(node, best)
+
+
+def _find_best(options: Sequence[Option | None]) -> Option | None:
+    allowed = [option for option in options if option is not None and option.refusal is None]
+    return max(allowed, key=lambda option: sum(option.addends), default=None)

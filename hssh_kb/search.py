@@ -26,7 +26,6 @@ from hssh_kb.repair import Repair, propose_repairs
 from hssh_kb.revise import revise_map
 from hssh_kb.score import Score, estimate_score
 
-RIVAL_NATS = 12.0  # maps that much less probable than the best are no rivals
 _STUCK = 24  # expansions without getting deeper, before the depths are tried in turn
 _WINDOW = 16  # depths tried in turn at first; doubled each time that is in vain
 _SLACK_NATS = 24.0  # leaves that much below the best of their depth are not worth a turn
@@ -193,13 +192,16 @@ class TreeOfMaps:
 
     # -- searching -------------------------------------------------------------------------
 
-    def search(self, *, best: int = 5, budget_s: float | None = None) -> None:
+    def search(self, *, budget_s: float | None = None, patience: int | None = None) -> None:
         """Grow maps until the best complete ones are found or the budget is spent.
 
         Parameters
         ----------
-        best : how many maps are wanted.
         budget_s : seconds of wall time; None for no limit.
+        patience : how many cycles in vain to spend on rivals of the best complete map, each
+            reaching twice as far back as the one before; None for as many as its regret
+            against the highest hopes calls for. While visits arrive one by one, 0 or 1 is
+            quick, and later visits make up for what was missed.
         """
         last = len(self._visits) - 1
         if last < 1:
@@ -216,7 +218,7 @@ class TreeOfMaps:
             elif self._has_complete():
                 if idle == 0:
                     self._revise(last, end)
-                if self._is_settled(best, prospect) or idle > self._count_cycles(prospect):
+                if idle >= (self._count_cycles(prospect) if patience is None else patience):
                     break
                 idle = 0 if self._run_cycle(end) else idle + 1
             elif self._stale <= _STUCK:
@@ -239,9 +241,8 @@ class TreeOfMaps:
     def _count_cycles(self, prospect: float) -> int:
         """Return how many cycles in vain it takes to believe that the best map is found."""
         regret = prospect - float(self._queues.tops[-1])
-        if regret < _REGRET_NATS:
-            return 1
-        return int(math.log2(max(len(self._visits) / _WINDOW, 1))) + 3
+        whole = int(math.log2(max(len(self._visits) / _WINDOW, 1))) + 2
+        return whole if regret < _REGRET_NATS else whole + 2
 
     def _run_cycle(self, end: float) -> bool:
         """Grow the best leaf of each of the deepest depths in turn, and the best of all.
@@ -294,13 +295,6 @@ class TreeOfMaps:
                     self._queues.queue_chain(better)
             if len(partitions) == count:
                 break
-
-    def _is_settled(self, best: int, prospect: float) -> bool:
-        """Return whether no waiting map has the prospect to be among the best."""
-        found = self._queues.list_best(len(self._visits) - 1, best)
-        top = float(self._queues.tops[-1])
-        floor = found[-1].score if len(found) == best else -math.inf
-        return prospect <= max(floor, top - RIVAL_NATS)
 
     def exhaust(self) -> tuple[Hypothesis, ...]:
         """Grow every map to the last visit and return all consistent ones, best first.
@@ -411,7 +405,7 @@ def search_maps(
     if not experience.visits:
         raise InputError(f"{experience.source or 'experience'}: has no visits to map")
     tree = TreeOfMaps(score, experience=experience, order=order, planarity=planarity)
-    tree.search(best=best, budget_s=budget_s)
+    tree.search(budget_s=budget_s)
     maps = tree.best(best)
     if maps:
         proven = tree.is_proven()

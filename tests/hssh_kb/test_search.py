@@ -155,7 +155,7 @@ def test_visits_may_arrive_one_by_one():
     tree = TreeOfMaps(score)
     for v, visit in enumerate(truth.experience.visits):
         tree.extend(visit)
-        tree.search(best=2)
+        tree.search(patience=1)
         assert len(tree.best(1)[0].visits) == v + 1
     assert tree.best(1)[0].visits == truth.partition
     assert tree.expansions < 400
@@ -166,7 +166,7 @@ def test_a_tree_without_a_score_estimates_one_as_it_grows():
     tree = TreeOfMaps()
     for visit in truth.experience.visits:
         tree.extend(visit)
-        tree.search(best=1)
+        tree.search(patience=1)
     assert tree.score.length_m == pytest.approx(5, rel=0.1)
     assert tree.best(1)[0].visits == truth.partition
 
