@@ -11,94 +11,25 @@ Grouping by base point, voting and the runner-ups are ours.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from perception.continuity import StarReading
-from perception.errors import InputError
-from perception.geometry import Array, wrap_angle
+from perception.geometry import Array
 from perception.grid import Frame, Image
 from perception.lpm import LocalMap
 from perception.scanlog import ScanLog
-from perception.star import Star
-from perception.topology import LocalTopology, local_topology
+from perception.sightings import PlaceSettings, Sighting, read_sightings, read_topology
+from perception.voting import PlaceReading, vote_star
 
-REVIEW_STEP_M, REVIEW_MAX_M, REVIEW_VOTE = 1.0, 4.5, 1.0
+__all__ = ["PlaceReading", "PlaceSettings", "PlaceVisit", "detect_places"]
 
+REVIEW_STEP_M, REVIEW_MAX_M = 1.0, 4.5
+"""A place is looked back at once a metre, until one is so far from its centre."""
 
-@dataclass(frozen=True)
-class PlaceSettings:
-    """How places are detected.
-
-    Attributes
-    ----------
-    lpm_m, cell_m, range_cap_m : the LPM: side, cell, and how far a return may be to count.
-    robot_radius_m : obstacles are grown by it.
-    step_m, step_rad : the local topology is read after this much travel or turning.
-    same_place_m : readings whose centres lie closer than this speak of one place.
-    confirmations : how many readings commit a place.
-    min_frontier_m, min_depth_m : a gateway narrower at its frontier, or leading less far, does not
-        count (the *level*: corridors, or doors too).
-    vote_m : a reading taken this far from the centre has its vote lowered to 61 %.
-    runner_up : readings of the star with a smaller share of the votes are dropped.
-    max_readings : how many readings of one star are kept.
-    """
-
-    lpm_m: float = 15.0
-    cell_m: float = 0.1
-    range_cap_m: float = 12.0
-    robot_radius_m: float = 0.4
-    step_m: float = 0.5
-    step_rad: float = 0.6
-    same_place_m: float = 1.8
-    confirmations: int = 2
-    min_frontier_m: float = 0.9
-    min_depth_m: float = 1.0
-    vote_m: float = 1.5
-    runner_up: float = 0.04
-    max_readings: int = 6
-
-
-@dataclass(frozen=True, eq=False)
-class Sighting:
-    """The local topology read once, carried into the drive frame.
-
-    Attributes
-    ----------
-    scan : index of the scan after which it was read. pose : (3,) of the laser then.
-    centre_m : (2,) centroid of the base points. radius_m : how far the place reaches.
-    gateways_m : (g, 2) centres of the gateways. topology : as read, in pixels of ``frame``.
-    """
-
-    scan: int
-    pose: Array
-    centre_m: Array
-    radius_m: float
-    gateways_m: Array
-    topology: LocalTopology
-    frame: Frame
-
-
-@dataclass(frozen=True)
-class PlaceReading:
-    """One reading of the star of a visit: the dlps, how the robot came and went, how likely.
-
-    Attributes
-    ----------
-    headings_rad : direction of each dlp, counter-clockwise, drive frame.
-    gateways_m : centre of the gateway through which each dlp leaves, relative to the place, drive
-        axes; NaN where there is none.
-    weight : probability; those of one visit sum to 1.
-    """
-
-    star: Star
-    arrive: int | None
-    depart: int | None
-    headings_rad: tuple[float, ...]
-    gateways_m: tuple[tuple[float, float], ...]
-    weight: float
+LOOKED_AROUND_RAD = 5.5
+"""A robot that has seen so much of its surroundings has looked around."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +75,7 @@ class _Candidate:
             return
         self.reviewed_m = away
         pose = poses[scan].copy()
-        sighting = _sight(scan, pose, local, settings, at_m=self.centre_m)
+        sighting = read_topology(scan, pose, local, settings, at_m=self.centre_m)
         if sighting is not None and np.hypot(*(sighting.centre_m - self.centre_m)) < 2.0:
             self.reviews.append(sighting)
 
@@ -159,63 +90,6 @@ class _Candidate:
     @property
     def radius_m(self) -> float:
         return float(np.median([s.radius_m for s in self.sightings]))
-
-
-def read_sightings(
-    log: ScanLog,
-    poses: Array,
-    settings: PlaceSettings,
-    progress: Callable[[int, int], None] | None = None,
-) -> Iterator[tuple[Sighting | None, int, LocalMap]]:
-    """Drive through the log with a scrolling LPM and read the local topology as one goes.
-
-    Yields
-    ------
-    (sighting, scan, LPM) : once a step; the sighting is None where no gateway search was possible
-        or the robot is on-path. The LPM is the live one: copy what you keep.
-    """
-    local = LocalMap(settings.lpm_m, settings.cell_m, settings.range_cap_m)
-    last = None
-    for i in range(len(log)):
-        local.update(poses[i], log.ranges_m[i], log.angles_rad)
-        if progress is not None:
-            progress(i + 1, len(log))
-        if last is not None and _moved_little(poses[last], poses[i], settings):
-            continue
-        last = i
-        yield _sight(i, poses[i], local, settings), i, local
-
-
-def _moved_little(a: Array, b: Array, settings: PlaceSettings) -> bool:
-    near = float(np.hypot(*(b - a)[:2])) < settings.step_m
-    return near and bool(abs(wrap_angle(b[2] - a[2])) < settings.step_rad)
-
-
-def _sight(
-    scan: int, pose: Array, local: LocalMap, settings: PlaceSettings, at_m: Array | None = None
-) -> Sighting | None:
-    """Read the local topology around the robot, or around another point of the LPM."""
-    image, frame = local.image(), local.frame
-    column, row = frame.to_pixels(pose[:2] if at_m is None else at_m)
-    try:
-        topology = local_topology(
-            image,
-            robot_px=(float(column), float(row)),
-            resolution_m=settings.cell_m,
-            robot_radius_m=settings.robot_radius_m,
-            min_frontier_m=settings.min_frontier_m,
-            min_depth_m=settings.min_depth_m,
-            denoise=False,
-        )
-    except InputError:  # the LPM shows the robot in a wall: somebody stands close by
-        return None
-    if not topology.at_place or not topology.gateways:
-        return None
-    base = frame.to_metres(topology.base_px)
-    centre = base.mean(axis=0)
-    gates = frame.to_metres(np.array([g.centre_px for g in topology.gateways], float))
-    radius = float(np.median(np.hypot(*(gates - centre).T)))
-    return Sighting(scan, pose.copy(), centre, radius, gates, topology, frame)
 
 
 def detect_places(
@@ -253,7 +127,8 @@ def detect_places(
     done += open_
     confirmed = [c for c in done if c.confirmations >= settings.confirmations]
     passages = _merge_returns([_passage(c, poses) for c in confirmed], poses, settings)
-    visits = (_commit(p, poses, settings, len(log)) for p in passages)
+    field_rad = float(np.ptp(log.angles_rad))
+    visits = (_commit(p, poses, settings, field_rad) for p in passages)
     return tuple(visit for visit in visits if visit is not None)
 
 
@@ -333,33 +208,39 @@ def _is_return(a: _Passage, b: _Passage, poses: Array, settings: PlaceSettings) 
 
 
 def _commit(
-    passage: _Passage, poses: Array, settings: PlaceSettings, scans: int
+    passage: _Passage, poses: Array, settings: PlaceSettings, field_rad: float
 ) -> PlaceVisit | None:
     """Vote for the star, find how the robot came and went, and build the visit."""
     candidate, centre = passage.candidate, passage.centre_m
-    entry = _bearing(poses, passage.first, -1, centre) if passage.first > 0 else None
-    leave = _bearing(poses, passage.last, 1, centre) if passage.last < scans - 1 else None
-    groups = _vote(candidate, centre, settings)
-    oriented = [_oriented(group, share, entry, leave) for group, share in groups]
-    readings = sorted((r for r in oriented if r is not None), key=lambda r: -r.weight)
+    leave = _bearing(poses, passage.last, 1, centre) if passage.last < len(poses) - 1 else None
+    entry: float | None
+    if passage.first > 0:
+        entry = _bearing(poses, passage.first, -1, centre)
+    else:
+        entry = _guess_entry(poses[: passage.last + 1, 2], field_rad)
+    readings = vote_star(candidate.sightings, candidate.reviews, centre, entry, leave, settings)
     if not readings or candidate.tile is None or candidate.tile_frame is None:
         return None
-    best = readings[0].weight
-    kept = [r for r in readings if r.weight >= settings.runner_up * best][: settings.max_readings]
-    total = sum(r.weight for r in kept)
     return PlaceVisit(
         passage.nearest,
         passage.first,
         passage.last,
         centre,
         passage.radius_m,
-        tuple(
-            PlaceReading(r.star, r.arrive, r.depart, r.headings_rad, r.gateways_m, r.weight / total)
-            for r in kept
-        ),
+        readings,
         candidate.tile,
         candidate.tile_frame,
     )
+
+
+def _guess_entry(headings: Array, field_rad: float) -> float | None:
+    """Return where a drive that begins in a place may have come from; None if nobody can say.
+
+    A robot that has not looked behind itself knows of no way there, but was driven here: the first
+    action of the tree of maps brings it along a path (Beeson 2008, Algorithm 8.1, step 0).
+    """
+    looked = float(np.ptp(np.unwrap(headings))) + field_rad
+    return None if looked > LOOKED_AROUND_RAD else float(headings[0] + np.pi)
 
 
 def _bearing(poses: Array, start: int, step: int, centre: Array) -> float:
@@ -367,99 +248,3 @@ def _bearing(poses: Array, start: int, step: int, centre: Array) -> float:
     i = min(max(start + step, 0), len(poses) - 1)
     dx, dy = poses[i, :2] - centre
     return float(np.arctan2(dy, dx))
-
-
-@dataclass
-class _Group:
-    """Equal readings of the star, seen from several poses."""
-
-    reading: StarReading
-    headings_rad: Array
-    gateways_m: Array
-    votes: float
-    best_vote: float
-
-
-def _vote(
-    candidate: _Candidate, centre: Array, settings: PlaceSettings
-) -> list[tuple[_Group, float]]:
-    """Add up the votes of all sightings for each different star; return the shares."""
-    groups = list[_Group]()
-    for sighting in candidate.sightings + candidate.reviews:
-        distance = float(np.hypot(*(sighting.pose[:2] - centre)))
-        weight = float(np.exp(-0.5 * (distance / settings.vote_m) ** 2))
-        if sighting in candidate.reviews:
-            weight = REVIEW_VOTE
-        for reading in sighting.topology.readings:
-            vote = weight * reading.weight
-            headings = -np.asarray(reading.headings_px, float)
-            gates = _dlp_gateways(reading, sighting) - sighting.centre_m
-            for group in groups:
-                if _same_star(group, reading, headings):
-                    break
-            else:
-                group = _Group(reading, headings, gates, 0.0, 0.0)
-                groups.append(group)
-            group.votes += vote
-            if vote > group.best_vote:
-                group.reading, group.headings_rad, group.gateways_m = reading, headings, gates
-                group.best_vote = vote
-    total = sum(group.votes for group in groups)
-    return [(g, g.votes / total) for g in groups if not _is_path(g.reading.star)]
-
-
-def _is_path(star: Star) -> bool:
-    """Tell whether a star is that of a bare path: two gateways, one local-path."""
-    return len(star) == 2 and all(star.alpha)
-
-
-def _dlp_gateways(reading: StarReading, sighting: Sighting) -> Array:
-    """Return the (m, 2) gateway centre of each dlp, drive frame; NaN where alpha is 0."""
-    out = np.full((len(reading.star), 2), np.nan)
-    for k, gateway in enumerate(reading.gateway_out):
-        if gateway is not None:
-            out[k] = sighting.gateways_m[gateway]
-    return out
-
-
-def _same_star(group: _Group, reading: StarReading, headings: Array) -> bool:
-    """Tell whether two readings are one star: isomorphic with their directions lined up."""
-    size = len(reading.star)
-    alpha = np.array(reading.star.alpha, bool)
-    for r in reading.star.isomorphisms(group.reading.star):
-        turned = group.headings_rad[(np.arange(size) + r) % size]
-        if np.all(np.abs(wrap_angle(turned - headings))[alpha] < 0.7):
-            return True
-    return False
-
-
-def _oriented(
-    group: _Group, share: float, entry: float | None, leave: float | None
-) -> PlaceReading | None:
-    """Find the dlps the robot came and went by; None if the star has no gateway there."""
-    star = group.reading.star
-    outward = np.arctan2(group.gateways_m[:, 1], group.gateways_m[:, 0])
-    penalty = 1.0
-
-    def gateway_at(bearing: float) -> int | None:
-        nonlocal penalty
-        off = np.abs(wrap_angle(outward - bearing))
-        off = np.where(np.isnan(off), np.inf, off)
-        k = int(np.argmin(off))
-        if off[k] > 1.0:
-            return None
-        penalty *= float(np.exp(-0.5 * (off[k] / 0.5) ** 2))
-        return k
-
-    came = gateway_at(entry) if entry is not None else None
-    went = gateway_at(leave) if leave is not None else None
-    if (entry is not None and came is None) or (leave is not None and went is None):
-        return None
-    return PlaceReading(
-        star,
-        star.opposite(came) if came is not None else None,
-        went,
-        tuple(float(h) for h in group.headings_rad),
-        tuple((float(x), float(y)) for x, y in group.gateways_m),
-        share * penalty,
-    )

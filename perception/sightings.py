@@ -1,0 +1,138 @@
+"""What the robot sees of places as it drives: the local topology, read at every step.
+
+Source: Beeson 2008, section 5.3.2 (the on-path test); the steps are ours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.errors import InputError
+from perception.geometry import Array, wrap_angle
+from perception.grid import Frame
+from perception.lpm import LocalMap
+from perception.scanlog import ScanLog
+from perception.topology import LocalTopology, local_topology
+
+
+@dataclass(frozen=True)
+class PlaceSettings:
+    """How places are detected.
+
+    Attributes
+    ----------
+    lpm_m, cell_m, range_cap_m : the LPM: side, cell, and how far a return may be to count.
+    robot_radius_m : obstacles are grown by it.
+    step_m, step_rad : the local topology is read after this much travel or turning.
+    same_place_m : readings whose centres lie closer than this speak of one place.
+    confirmations : how many readings commit a place.
+    min_frontier_m, min_depth_m : a gateway narrower at its frontier, or leading less far, does not
+        count (the *level*: corridors, or doors too).
+    vote_m : a reading taken this far from the centre has its vote lowered to 61 %.
+    runner_up : readings of the star with a smaller share of the votes are dropped.
+    max_readings : how many readings of one star are kept.
+    """
+
+    lpm_m: float = 15.0
+    cell_m: float = 0.1
+    range_cap_m: float = 12.0
+    robot_radius_m: float = 0.4
+    step_m: float = 0.5
+    step_rad: float = 0.6
+    same_place_m: float = 1.8
+    confirmations: int = 2
+    min_frontier_m: float = 0.9
+    min_depth_m: float = 1.0
+    vote_m: float = 1.5
+    runner_up: float = 0.04
+    max_readings: int = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """The local topology read once, carried into the drive frame.
+
+    Attributes
+    ----------
+    scan : index of the scan after which it was read. pose : (3,) of the laser then.
+    centre_m : (2,) centroid of the base points. radius_m : how far the place reaches.
+    gateways_m : (g, 2) centres of the gateways. topology : as read, in pixels of ``frame``.
+    """
+
+    scan: int
+    pose: Array
+    centre_m: Array
+    radius_m: float
+    gateways_m: Array
+    topology: LocalTopology
+    frame: Frame
+
+
+def read_sightings(
+    log: ScanLog,
+    poses: Array,
+    settings: PlaceSettings,
+    progress: Callable[[int, int], None] | None = None,
+) -> Iterator[tuple[Sighting | None, int, LocalMap]]:
+    """Drive through the log with a scrolling LPM and read the local topology as one goes.
+
+    Yields
+    ------
+    (sighting, scan, LPM) : once a step; the sighting is None where no gateway search was possible
+        or the robot is on-path. The LPM is the live one: copy what you keep.
+    """
+    local = LocalMap(settings.lpm_m, settings.cell_m, settings.range_cap_m)
+    last = None
+    for i in range(len(log)):
+        local.update(poses[i], log.ranges_m[i], log.angles_rad)
+        if progress is not None:
+            progress(i + 1, len(log))
+        if last is not None and _moved_little(poses[last], poses[i], settings):
+            continue
+        last = i
+        yield read_topology(i, poses[i], local, settings), i, local
+
+
+def _moved_little(a: Array, b: Array, settings: PlaceSettings) -> bool:
+    near = float(np.hypot(*(b - a)[:2])) < settings.step_m
+    return near and bool(abs(wrap_angle(b[2] - a[2])) < settings.step_rad)
+
+
+def read_topology(
+    scan: int, pose: Array, local: LocalMap, settings: PlaceSettings, at_m: Array | None = None
+) -> Sighting | None:
+    """Read the local topology around the robot, or around another point of the LPM.
+
+    Parameters
+    ----------
+    scan : index of the last scan in the LPM. pose : (3,) of the laser then, drive frame.
+    at_m : (2,) the other point, drive frame.
+
+    Returns
+    -------
+    None on a bare path, and where no gateway search is possible.
+    """
+    image, frame = local.image(), local.frame
+    column, row = frame.to_pixels(pose[:2] if at_m is None else at_m)
+    try:
+        topology = local_topology(
+            image,
+            robot_px=(float(column), float(row)),
+            resolution_m=settings.cell_m,
+            robot_radius_m=settings.robot_radius_m,
+            min_frontier_m=settings.min_frontier_m,
+            min_depth_m=settings.min_depth_m,
+            denoise=False,
+        )
+    except InputError:  # the LPM shows the robot in a wall: somebody stands close by
+        return None
+    if not topology.at_place or not topology.gateways:
+        return None
+    base = frame.to_metres(topology.base_px)
+    centre = base.mean(axis=0)
+    gates = frame.to_metres(np.array([g.centre_px for g in topology.gateways], float))
+    radius = float(np.median(np.hypot(*(gates - centre).T)))
+    return Sighting(scan, pose.copy(), centre, radius, gates, topology, frame)

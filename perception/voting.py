@@ -1,0 +1,170 @@
+"""Voting for the star of a visit: all sightings of a place speak, the runner-ups are kept.
+
+Source: ours; on recorded logs a single reading of the star repeats itself in two visits out of
+three only, the vote of all sightings in most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from perception.continuity import StarReading
+from perception.geometry import Array, wrap_angle
+from perception.sightings import PlaceSettings, Sighting
+from perception.star import Star
+
+REVIEW_VOTE = 1.0
+"""Vote of a look back at a place, beside at most 1 for what is seen inside it."""
+
+_SAME_HEADING_RAD = 0.7
+_OFF_GATEWAY_RAD = (0.5, 1.0)  # one standard deviation, and the most a robot passes beside one
+
+
+@dataclass(frozen=True)
+class PlaceReading:
+    """One reading of the star of a visit: the dlps, how the robot came and went, how likely.
+
+    Attributes
+    ----------
+    headings_rad : direction of each dlp, counter-clockwise, drive frame.
+    gateways_m : centre of the gateway through which each dlp leaves, relative to the place, drive
+        axes; NaN where there is none.
+    weight : probability; those of one visit sum to 1.
+    """
+
+    star: Star
+    arrive: int | None
+    depart: int | None
+    headings_rad: tuple[float, ...]
+    gateways_m: tuple[tuple[float, float], ...]
+    weight: float
+
+
+def vote_star(
+    sightings: Sequence[Sighting],
+    reviews: Sequence[Sighting],
+    centre: Array,
+    entry: float | None,
+    leave: float | None,
+    settings: PlaceSettings,
+) -> tuple[PlaceReading, ...]:
+    """Return the readings of the star of a visit, best first; empty if none fits the drive.
+
+    Parameters
+    ----------
+    sightings : taken inside the place. reviews : taken from beyond, looking back.
+    centre : (2,) of the place, drive frame.
+    entry, leave : direction from the centre to where the robot came from and went to; None at the
+        ends of the drive. A star without a gateway there is no reading of this visit.
+    """
+    shares = _vote(sightings, reviews, centre, settings)
+    found = [_oriented(group, share, entry, leave) for group, share in shares]
+    readings = sorted((r for r in found if r is not None), key=lambda r: -r.weight)
+    if not readings:
+        return ()
+    best = readings[0].weight
+    kept = [r for r in readings if r.weight >= settings.runner_up * best][: settings.max_readings]
+    total = sum(r.weight for r in kept)
+    return tuple(replace(r, weight=r.weight / total) for r in kept)
+
+
+@dataclass
+class _Group:
+    """Equal readings of the star, seen from several poses."""
+
+    reading: StarReading
+    headings_rad: Array
+    gateways_m: Array
+    votes: float
+    best_vote: float
+
+
+def _vote(
+    sightings: Sequence[Sighting],
+    reviews: Sequence[Sighting],
+    centre: Array,
+    settings: PlaceSettings,
+) -> list[tuple[_Group, float]]:
+    """Add up the votes of all sightings for each different star; return the shares."""
+    groups = list[_Group]()
+    for sighting in [*sightings, *reviews]:
+        distance = float(np.hypot(*(sighting.pose[:2] - centre)))
+        weight = float(np.exp(-0.5 * (distance / settings.vote_m) ** 2))
+        if sighting in reviews:
+            weight = REVIEW_VOTE
+        for reading in sighting.topology.readings:
+            vote = weight * reading.weight
+            headings = -np.asarray(reading.headings_px, float)
+            gates = _dlp_gateways(reading, sighting) - sighting.centre_m
+            for group in groups:
+                if _same_star(group, reading, headings):
+                    break
+            else:
+                group = _Group(reading, headings, gates, 0.0, 0.0)
+                groups.append(group)
+            group.votes += vote
+            if vote > group.best_vote:
+                group.reading, group.headings_rad, group.gateways_m = reading, headings, gates
+                group.best_vote = vote
+    total = sum(group.votes for group in groups)
+    return [(g, g.votes / total) for g in groups if not _is_path(g.reading.star)]
+
+
+def _is_path(star: Star) -> bool:
+    """Tell whether a star is that of a bare path: two gateways, one local-path."""
+    return len(star) == 2 and all(star.alpha)
+
+
+def _dlp_gateways(reading: StarReading, sighting: Sighting) -> Array:
+    """Return the (m, 2) gateway centre of each dlp, drive frame; NaN where alpha is 0."""
+    out = np.full((len(reading.star), 2), np.nan)
+    for k, gateway in enumerate(reading.gateway_out):
+        if gateway is not None:
+            out[k] = sighting.gateways_m[gateway]
+    return out
+
+
+def _same_star(group: _Group, reading: StarReading, headings: Array) -> bool:
+    """Tell whether two readings are one star: isomorphic with their directions lined up."""
+    size = len(reading.star)
+    alpha = np.array(reading.star.alpha, bool)
+    for r in reading.star.isomorphisms(group.reading.star):
+        turned = group.headings_rad[(np.arange(size) + r) % size]
+        if np.all(np.abs(wrap_angle(turned - headings))[alpha] < _SAME_HEADING_RAD):
+            return True
+    return False
+
+
+def _oriented(
+    group: _Group, share: float, entry: float | None, leave: float | None
+) -> PlaceReading | None:
+    """Find the dlps the robot came and went by; None if the star has no gateway there."""
+    star = group.reading.star
+    outward = np.arctan2(group.gateways_m[:, 1], group.gateways_m[:, 0])
+    penalty = 1.0
+
+    def gateway_at(bearing: float) -> int | None:
+        nonlocal penalty
+        off = np.abs(wrap_angle(outward - bearing))
+        off = np.where(np.isnan(off), np.inf, off)
+        k = int(np.argmin(off))
+        if off[k] > _OFF_GATEWAY_RAD[1]:
+            return None
+        penalty *= float(np.exp(-0.5 * (off[k] / _OFF_GATEWAY_RAD[0]) ** 2))
+        return k
+
+    came = gateway_at(entry) if entry is not None else None
+    went = gateway_at(leave) if leave is not None else None
+    if (entry is not None and came is None) or (leave is not None and went is None):
+        return None
+    return PlaceReading(
+        star,
+        star.opposite(came) if came is not None else None,
+        went,
+        tuple(float(h) for h in group.headings_rad),
+        tuple((float(x), float(y)) for x, y in group.gateways_m),
+        share * penalty,
+    )
