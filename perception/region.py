@@ -97,7 +97,8 @@ def find_region(
     bled = max(radius_px - 1.0, 0.0)
     near_wall = _touches(occupied, 2 * round(bled) + 3)
     frontier = _touches(unknown, 5, border=True) & ~near_wall
-    return _cut_contours(inside, start, frontier, bled, min_frontier_px)
+    contours = _find_contours(inside, island_px)
+    return _cut_contours(contours, inside, start, frontier, bled, min_frontier_px)
 
 
 def _clean(
@@ -188,7 +189,23 @@ def _touches(mask: Mask, side: int, *, border: bool = False) -> Mask:
     return near
 
 
+def _find_contours(inside: Mask, island_px: float) -> list[Index]:
+    """Return the contours of the region, each (n, 2); fill holes that are islands after all."""
+    found, hierarchy = cv2.findContours(
+        inside.view(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE
+    )
+    contours = []
+    for k, contour in enumerate(found):
+        points = np.asarray(contour, np.int64).reshape(-1, 2)
+        if hierarchy[0][k][3] >= 0 and np.ptp(points, axis=0).max() - 1 < island_px:
+            cv2.drawContours(inside.view(np.uint8), found, k, 1, cv2.FILLED)
+        else:
+            contours.append(points)
+    return contours
+
+
 def _cut_contours(
+    contours: list[Index],
     inside: Mask,
     start: tuple[int, int],
     frontier: Mask,
@@ -196,19 +213,17 @@ def _cut_contours(
     min_frontier_px: float,
 ) -> Region:
     """Cut the contours of the region at its frontiers into wall arcs and exits."""
-    contours, _ = cv2.findContours(inside.view(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     exit_of_cell = np.zeros(inside.shape, np.int32)
     walls: list[Index] = []
     arcs: list[Index] = []
     tips: list[Index] = []
     exits: list[Exit] = []
     arc_count = 0
-    for contour in contours:
-        points = contour.reshape(-1, 2).astype(np.int64)
+    for points in contours:
         open_ = frontier[points[:, 1], points[:, 0]]
-        points, open_ = _settle_runs(points, open_, radius_px, min_frontier_px)
+        cells, open_ = _settle_runs(points, open_, radius_px, min_frontier_px)
         for first, last in _runs(open_):
-            run = points[first:last]
+            run = cells[first:last]
             if open_[first]:
                 exits.append(_as_exit(run, radius_px))
                 exit_of_cell[run[:, 1], run[:, 0]] = len(exits)
