@@ -83,7 +83,7 @@ class Demo:
         }
 
 
-def run_demo(folder: Path, *, seed: int = 1, progress: Progress | None = None) -> Demo:
+def run_demo(folder: Path, *, seed: int = 0, progress: Progress | None = None) -> Demo:
     """Simulate a drive through the bundled world, build its knowledge base, and question it.
 
     Parameters

@@ -1,29 +1,37 @@
-"""The demonstration: true map, in time, and the same maps a second time."""
+"""The demonstration: true map, in time, and the same maps a second time; then other drives."""
 
 import tempfile
 import time
 from pathlib import Path
 
-from hssh_kb.demo import run_demo
+from hssh_kb.demo import Demo, run_demo
 
 BUDGET_S = 120.0
+OTHER_SEEDS = (1, 2, 3)
+SHARE_TRUE = 0.75
 
 
 def run() -> bool:
-    """Run the demonstration twice; the budget is that of `make demo` on two cores."""
-    maps, seconds, demo = [], [], None
-    for _ in range(2):
-        with tempfile.TemporaryDirectory() as folder:
-            start = time.perf_counter()
-            demo = run_demo(Path(folder))
-            seconds.append(time.perf_counter() - start)
-            maps.append(demo.kb.ranked.maps)
-    true, same = demo.matches_truth, maps[0] == maps[1]
-    print(f"{'':<28}{'ours':>12}{'must':>12}")
-    print(f"{'seconds, first run':<28}{seconds[0]:>12.1f}{BUDGET_S:>11.0f}-")
-    print(f"{'seconds, second run':<28}{seconds[1]:>12.1f}{BUDGET_S:>11.0f}-")
-    print(f"{'top map is the true one':<28}{true!s:>12}{'True':>12}")
-    print(f"{'same maps again':<28}{same!s:>12}{'True':>12}")
-    for fault in demo.truth.faults:
-        print(f"  {fault}")
-    return true and same and max(seconds) <= BUDGET_S
+    """Run the demonstration; the budget is that of `make demo` on two cores."""
+    print(f"{'seed':>4} {'seconds':>8} {'visits':>7} {'places':>7}  top map is the true one")
+    first, fine = run_one(0)
+    again, _ = run_one(0)
+    same = first.kb.ranked.maps == again.kb.ranked.maps
+    true = [run_one(seed)[0].matches_truth for seed in OTHER_SEEDS]
+    print(f"same maps again: {same} (must: True)")
+    print(
+        f"true on other drives: {sum(true)} of {len(true)} (must: {SHARE_TRUE:.0%} with the first)"
+    )
+    share = (sum(true) + first.matches_truth) / (len(true) + 1)
+    return fine and first.matches_truth and same and share >= SHARE_TRUE
+
+
+def run_one(seed: int) -> tuple[Demo, bool]:
+    with tempfile.TemporaryDirectory() as folder:
+        start = time.perf_counter()
+        demo = run_demo(Path(folder), seed=seed)
+        seconds = time.perf_counter() - start
+    row = demo.kb.rows[0]
+    verdict = "yes" if demo.matches_truth else "; ".join(demo.truth.faults)
+    print(f"{seed:>4} {seconds:>8.1f} {len(demo.kb.experience):>7} {row.places:>7}  {verdict}")
+    return demo, seconds <= BUDGET_S
