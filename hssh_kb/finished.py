@@ -132,6 +132,17 @@ def check_claim(experience: Experience, hypothesis: Hypothesis) -> tuple[Finding
     ------
     InputError : the claim speaks of other visits than the experience has.
     """
+    facts = claim_to_facts(experience, hypothesis)
+    return _find_violations(facts, ("experience", "map", "named"), visits=True)
+
+
+def claim_to_facts(experience: Experience, hypothesis: Hypothesis) -> str:
+    """Return an experience and one map of it as facts, for ``map.lp`` and ``named.lp``.
+
+    Raises
+    ------
+    InputError : the map speaks of other visits than the experience has.
+    """
     count = len(experience)
     if len(hypothesis.visits) != count or len(hypothesis.offsets) != count:
         raise InputError(f"the claimed map has {len(hypothesis.visits)} visits, expected {count}")
@@ -144,7 +155,7 @@ def check_claim(experience: Experience, hypothesis: Hypothesis) -> tuple[Finding
         facts += f"place({v},{p},{r}). "
         facts += f"reading({v},{hypothesis.readings[v] if hypothesis.readings else 0}).\n"
     facts += "".join(f"doubtable(travel({v})).\n" for v in hypothesis.doubted)
-    return _find_violations(facts, ("experience", "map", "named"), visits=True)
+    return facts
 
 
 def _known() -> set[str]:
