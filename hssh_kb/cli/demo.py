@@ -15,7 +15,7 @@ CARMEN log, build the knowledge base from that log alone, and put the three ques
 which maps, how to get there, and why not. The top map is compared with the world's own graph."""
 EXAMPLES = """\
   hssh demo                          writes demo/
-  hssh demo -o /tmp/office --seed 3  another drive, elsewhere
+  hssh demo -o other --seed 3        another drive, elsewhere
 """
 
 
