@@ -188,6 +188,40 @@ def check(
     )
 
 
+def explain_new(
+    experience: Experience,
+    visit: int,
+    *,
+    planarity: bool = True,
+    budget_s: float | None = DEFAULT_BUDGET_S,
+) -> tuple[tuple[int, Check], ...]:
+    """Say for each earlier visit whether a visit may be at the same place, and if not, why not.
+
+    It answers "why is v9 a new place?": because each of the earlier ones is refused for a reason
+    of its own, or because the preference chose so where some are not.
+
+    Raises
+    ------
+    InputError : there is no such visit.
+    """
+    if not 0 <= visit < len(experience):
+        raise InputError(f"there is no visit v{visit}; the visits are v0 to v{len(experience) - 1}")
+    share = None if budget_s is None else max(budget_s / max(visit, 1), 0.1)
+    return tuple(
+        (
+            earlier,
+            check(
+                experience,
+                [f"v{visit}=v{earlier}"],
+                planarity=planarity,
+                limit=1,
+                budget_s=share,
+            ),
+        )
+        for earlier in range(visit)
+    )
+
+
 def _narrate(
     narrator: Narrator, conflicts: Sequence[frozenset[Literal]], end: float | None
 ) -> tuple[Violation, ...]:

@@ -1,5 +1,6 @@
 """The one seam to clingo: programs in, plain Python out, with budgets in models and seconds."""
 
+from hssh_kb.solver.deriving import Step, derive_all
 from hssh_kb.solver.minimal import solve_minimal
 from hssh_kb.solver.reading import Term, answer_query, parse_facts, read_term, show_term
 from hssh_kb.solver.solving import (
@@ -15,9 +16,11 @@ from hssh_kb.solver.solving import (
 __all__ = [
     "Control",
     "Models",
+    "Step",
     "Symbol",
     "Term",
     "answer_query",
+    "derive_all",
     "ground",
     "is_satisfiable",
     "parse_facts",

@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "axioms"))
 
 import worlds
 
-from hssh_kb.check import check, parse_assumption
+from hssh_kb.check import check, explain_new, parse_assumption
 from hssh_kb.errors import InputError, UsageError
 from hssh_kb.finished import check_map, check_map_data
 from hssh_kb.maps import enumerate_maps
@@ -93,6 +93,18 @@ def test_assumptions_that_make_no_sense_are_told(text, told):
     with pytest.raises(InputError, match="assumption") as caught:
         parse_assumption(named_walk(), text)
     assert told in str(caught.value)
+
+
+def test_why_a_visit_is_a_new_place():
+    experience = named_walk()
+    answers = explain_new(experience, 4)
+    assert [earlier for earlier, _ in answers] == [0, 1, 2, 3]
+    assert all(answer.violations for _, answer in answers)
+    maps = enumerate_maps(experience).maps
+    for earlier, answer in explain_new(experience, 9):
+        assert answer.consistent == any(h.visits[9] == h.visits[earlier] for h in maps)
+    with pytest.raises(InputError, match="no visit v17"):
+        explain_new(experience, 17)
 
 
 def test_bad_budgets_are_told():
