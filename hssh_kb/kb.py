@@ -40,14 +40,20 @@ class KnowledgeBase:
 
     Examples
     --------
-    A robot goes round a square of four corners and comes back to the first; nothing measured:
+    A robot leaves a dead end, turns right at a T and comes to another dead end:
 
     >>> from hssh_kb.experience import make_experience
-    >>> corner = ["a+1", "b+1", "a-0", "b-0"]
-    >>> walk = [(corner, None, 1), (corner, 2, 1), (corner, 2, 1), (corner, 2, 1)]
-    >>> kb = KnowledgeBase.from_experience(make_experience(walk + [(corner, 2, None)]))
-    >>> len(kb.maps().maps) >= 1
-    True
+    >>> dead_end, t = ["a+0", "a-1"], ["a+0", "b+1", "a-1", "b-1"]
+    >>> walk = make_experience([(["a+1", "a-0"], None, 0), (t, 0, 1), (dead_end, 0, None)])
+    >>> kb = KnowledgeBase.from_experience(walk)
+    >>> kb.hypothesis().visits
+    (0, 1, 2)
+    >>> print(kb.route("P2", "P0").text.partition("; ")[0])
+    Leave P2 by the only way out. At the next junction, turn left
+    >>> kb.check(["v2=v0"]).consistent
+    False
+    >>> kb.graph().places["P1"].frontiers
+    (3,)
     """
 
     experience: Experience
