@@ -186,7 +186,11 @@ class Narrator:
             head = f"{subject} together break axiom {axiom.number} ({axiom.title})"
         detail = self._detail(conflict, violated, witness)
         chain = self._chain(conflict, violated, others, witness)
-        return f"{head}: {chain}{detail}."
+        doubtful = any(
+            len(self.experience.visits[v].readings) > 1 for v in self.visits_of(conflict)
+        )
+        rest = ", and so it is with every other reading of these stars" if doubtful else ""
+        return f"{head}: {chain}{detail}{rest}."
 
     def _chain(
         self,
