@@ -1,9 +1,8 @@
 """All maps of an experience by depth-first growth of the tree of maps: the programs' quick twin.
 
-The theory is in ``axioms/``; this says the same for experiences with one reading a visit, an order
-of magnitude sooner, because each axiom is tested where the map grows: order by the places on a
-path, kept at its two open ends; planarity by the face on which both gateways of a new edge must
-lie. Tests hold both equal.
+The theory is in ``axioms/``; this says the same, up to two orders of magnitude sooner, because each
+axiom is tested where the map grows: order by the places on a path, kept at its two open ends;
+planarity by the face on which both gateways of a new edge must lie. Tests hold both equal.
 
 Source: Beeson 2008, Algorithm 8.1; the rule of faces after Savelli & Kuipers 2004 as cited there.
 """
@@ -13,8 +12,9 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 
-from hssh_kb.experience import Experience
+from hssh_kb.experience import Experience, Reading
 from hssh_kb.hypothesis import Hypothesis
+from perception.star import Star
 
 _LOOK_EVERY = 512
 
@@ -32,7 +32,7 @@ class TreeEnumerator:
 
     Parameters
     ----------
-    experience : one reading a visit. count : how many of its visits.
+    experience : what was lived through. count : how many of its visits.
     order, planarity : whether these axioms hold.
     limit, end : at most so many maps, and not beyond this instant (``time.monotonic``).
     """
@@ -50,20 +50,13 @@ class TreeEnumerator:
         visits = experience.visits[:count]
         self.count, self.order, self.planarity = count, order, planarity
         self.limit, self.end, self.nodes = limit, end, 0
-        self.size = [len(visit.star) for visit in visits]
-        self.width = max(self.size, default=0) + 1
-        self.opposite = [visit.star.opposites for visit in visits]
-        self.depart = [visit.depart for visit in visits]
-        self.came = [
-            None if visit.arrive is None else visit.star.opposite(visit.arrive) for visit in visits
-        ]
-        kinds: dict[object, int] = {}
-        self.kind = [kinds.setdefault(visit.star, v) for v, visit in enumerate(visits)]
-        self.turns = {
-            (a, b): frozenset(visits[a].star.isomorphisms(visits[b].star))
-            for a in kinds.values()
-            for b in kinds.values()
-        }
+        self.known = [[_Seen(reading) for reading in visit.readings] for visit in visits]
+        self.several = any(len(readings) > 1 for readings in self.known)
+        self.width = 1 + max((s.size for readings in self.known for s in readings), default=0)
+        self.turns = _match_stars([s for readings in self.known for s in readings])
+        self.seen = [readings[0] for readings in self.known]
+        self.chosen = [0] * count
+        self.size = [0] * count
         self.joined = [-1] * (count * self.width)
         self.other = [-1] * (count * self.width)
         self.on = [0] * (count * self.width)
@@ -74,39 +67,54 @@ class TreeEnumerator:
     def run(self) -> bool:
         """Collect the maps in ``found``; return whether these are all."""
         try:
-            self._add_place(0)
-            self._grow(1)
+            for r in range(len(self.known[0])):
+                self._choose(0, r)
+                self._add_place(0)
+                self._grow(1)
+                self.places.pop()
         except _StopSearch:
             return False
         return True
+
+    def _choose(self, v: int, r: int) -> None:
+        self.chosen[v], self.seen[v] = r, self.known[v][r]
 
     def _add_place(self, v: int) -> None:
         base = v * self.width
         self.places.append(v)
         self.visits[v], self.offsets[v] = v, 0
-        for k, opposite in enumerate(self.opposite[v]):
+        self.size[v] = self.seen[v].size
+        for k, opposite in enumerate(self.seen[v].opposite):
             self.joined[base + k] = -1
             self.other[base + k] = base + opposite
             self.on[base + k] = 1 << v
 
     def _grow(self, v: int) -> None:
-        """Put visit v everywhere it may be, and go on."""
+        """Put visit v everywhere it may be, in each of its readings, and go on."""
         if v == self.count:
             self._collect()
             return
         self.nodes += 1
         if self.end is not None and self.nodes % _LOOK_EVERY == 0 and time.monotonic() > self.end:
             raise _StopSearch
-        depart, came = self.depart[v - 1], self.came[v]
-        if depart is None or came is None:
+        depart = self.seen[v - 1].depart
+        if depart is None:
             return
         before = self.visits[v - 1]
         out = before * self.width + (depart + self.offsets[v - 1]) % self.size[before]
-        known = self.joined[out]
-        if known >= 0:
-            place, k = divmod(known, self.width)
+        for r in range(len(self.known[v])):
+            self._choose(v, r)
+            came = self.seen[v].came
+            if came is not None:
+                self._place(v, came, out)
+
+    def _place(self, v: int, came: int, out: int) -> None:
+        """Put visit v, entered through its gateway ``came`` from gateway ``out``, everywhere."""
+        far = self.joined[out]
+        if far >= 0:
+            place, k = divmod(far, self.width)
             turn = (k - came) % self.size[place]
-            if turn in self.turns[self.kind[v], self.kind[place]]:
+            if turn in self.turns[self.seen[v].kind, self.seen[place].kind]:
                 self.visits[v], self.offsets[v] = place, turn
                 self._grow(v + 1)
             return
@@ -119,14 +127,14 @@ class TreeEnumerator:
 
     def _closures(self, v: int, came: int, out: int) -> Iterator[tuple[int, int]]:
         """Yield the open gateways by which visit v may have come in, with the rotation."""
-        on, kind, width = self.on[out], self.kind[v], self.width
+        on, kind, width = self.on[out], self.seen[v].kind, self.width
         gates = self._face(out) if self.planarity else self._open_gates()
         for into in gates:
             if self.order and self.on[into] & on:
                 continue
             place, k = divmod(into, width)
             turn = (k - came) % self.size[place]
-            if into != out and turn in self.turns[kind, self.kind[place]]:
+            if into != out and turn in self.turns[kind, self.seen[place].kind]:
                 yield into, turn
 
     def _open_gates(self) -> Iterator[int]:
@@ -170,4 +178,29 @@ class TreeEnumerator:
     def _collect(self) -> None:
         if self.limit is not None and len(self.found) >= self.limit:
             raise _StopSearch
-        self.found.append(Hypothesis(tuple(self.visits), tuple(self.offsets)))
+        readings = tuple(self.chosen) if self.several else ()
+        self.found.append(Hypothesis(tuple(self.visits), tuple(self.offsets), readings))
+
+
+class _Seen:
+    """One reading of one visit, taken apart."""
+
+    def __init__(self, reading: Reading) -> None:
+        self.star = reading.star
+        self.size = len(reading.star)
+        self.opposite = reading.star.opposites
+        self.depart = reading.depart
+        self.came = None if reading.arrive is None else reading.star.opposite(reading.arrive)
+        self.kind = 0
+
+
+def _match_stars(seen: list[_Seen]) -> dict[tuple[int, int], frozenset[int]]:
+    """Give each star a number and return the isomorphisms from each to each."""
+    kinds: dict[Star, int] = {}
+    for one in seen:
+        one.kind = kinds.setdefault(one.star, len(kinds))
+    return {
+        (a, b): frozenset(star.isomorphisms(other))
+        for star, a in kinds.items()
+        for other, b in kinds.items()
+    }

@@ -96,8 +96,8 @@ def enumerate_maps(
     order, planarity : whether these axioms hold.
     limit : stop after so many maps.
     budget_s : stop after so many seconds.
-    engine : "program" asks the solver; "tree" grows the same maps sooner, where each visit has
-        one reading and no rules are added, and asks the solver otherwise.
+    engine : "program" asks the solver; "tree" grows the same maps sooner, and asks the solver
+        only if rules are added.
     rules : further rules for ``violation/2``, such as an axiom of one's own.
 
     Returns
@@ -267,7 +267,7 @@ def _enumerate(
     rules: str = "",
 ) -> Enumeration:
     readings = _has_alternatives(experience)
-    if engine == "tree" and not readings and not rules:
+    if engine == "tree" and not rules:
         end = None if budget_s is None else time.monotonic() + budget_s
         tree = TreeEnumerator(
             experience, count, order=order, planarity=planarity, limit=limit, end=end

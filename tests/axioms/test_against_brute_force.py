@@ -89,11 +89,12 @@ def test_readings_are_chosen_as_the_twin_chooses(seed):
     twin = brute_force.all_maps(plain, **switches)
     if len(twin) > MANY:
         pytest.skip("too many maps to compare in a test")
-    found = enumerate_maps(experience, **switches)
-    if twin:
-        assert keys(found.maps) == {tuple(m) for m in twin}
-    else:
-        assert found.inconsistent_from is not None
+    for engine in ("tree", "program"):
+        found = enumerate_maps(experience, engine=engine, **switches)
+        if twin:
+            assert keys(found.maps) == {tuple(m) for m in twin}
+        else:
+            assert found.inconsistent_from is not None
 
 
 @pytest.mark.parametrize("seed", range(4000, 4024))
