@@ -114,8 +114,8 @@ def _clean(
         opened = cv2.morphologyEx(padded, cv2.MORPH_OPEN, np.ones((side, side), np.uint8))
         unknown = opened[side:-side, side:-side].astype(bool)
     solid = (occupied | unknown).view(np.uint8)
-    join = max(1, round(radius_px / 2))  # what lies closer together than this is one obstacle
-    grown = cv2.dilate(solid, np.ones((2 * join + 1, 2 * join + 1), np.uint8))
+    join = max(1, round(radius_px / 2)) if _stands_free(occupied, unknown) else 0
+    grown = cv2.dilate(solid, np.ones((2 * join + 1, 2 * join + 1), np.uint8)) if join else solid
     count, labels, stats, _ = cv2.connectedComponentsWithStats(grown, connectivity=8)
     if count > 1:
         height, width = solid.shape
@@ -127,6 +127,16 @@ def _clean(
             keep = ~removed[labels]
             occupied, unknown = occupied & keep, unknown & keep
     return occupied, unknown
+
+
+def _stands_free(occupied: Mask, unknown: Mask) -> bool:
+    """Tell whether the walls have free space on both sides, so that only wall joins wall.
+
+    Then pieces of wall closer together than the robot are one obstacle. Where unknown space lies
+    behind the walls it joins their pieces, and what is left near them is dirt.
+    """
+    backed = occupied & _touches(unknown, 3)
+    return bool(np.count_nonzero(backed) < 0.2 * np.count_nonzero(occupied))
 
 
 def _reach(
