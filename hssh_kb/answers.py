@@ -66,6 +66,7 @@ def document_route(route: Route, number: int = 1) -> Document:
         "maps": route.maps,
         "map": number,
         "places": [route.start.label, *(edge.goal for edge in route.edges)],
+        "doubted": [list(ends) for ends in route.doubted],
         "names": {p.label: p.name for p in (route.start, route.goal) if p.name},
     }
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hssh_kb.palette import BLOCKED, DRIVE, INK, PAPER, ROUTE, Palette
+from hssh_kb.palette import BLOCKED, DRIVE, INK, PAPER, ROUTE, STUB, Palette
 from hssh_kb.place_graph import PlaceGraph
 from hssh_kb.scene import Disc, Line, Scene, Shape, Text, estimate_width
 
@@ -99,6 +99,8 @@ def _list_marks(graph: PlaceGraph, drive: bool) -> list[tuple[str, str]]:
         marks.append(("frontier", "open, never travelled"))
     if any(0 in place.star.alpha for place in graph.places.values()):
         marks.append(("blocked", "no way on"))
+    if graph.doubted:
+        marks.append(("doubted", "driven, a place may be missing"))
     if drive:
         marks.append(("drive", "the drive"))
     return marks
@@ -116,6 +118,9 @@ def _draw_mark(scene: Scene, mark: str, x: float, y: float, group: str) -> None:
         case "blocked":
             scene.add(Line(np.array([[x + 5, y], [x + 18, y]]), BLOCKED, 1.6, group=group))
             scene.add(Line(np.array([[x + 18, y - 5], [x + 18, y + 5]]), BLOCKED, 2.2, group=group))
+        case "doubted":
+            line = np.array([[x, y], [x + 24, y]])
+            scene.add(Line(line, STUB, 2.6, dash=6.0, group=group))
         case _:
             scene.add(Line(np.array([[x, y], [x + 24, y]]), DRIVE, 1.4, group=group))
 

@@ -35,6 +35,7 @@ class MapGeometry:
     headings_rad : of each dlp in the frame of the drawing, by (label, index).
     curves : (n, 2) of each stretch, by (start, dlp) of its first direction.
     drive : (n, 2) the drive; None if unknown.
+    doubted : (n, 2) of each doubted stretch, by its two ends.
     """
 
     metric: bool
@@ -42,6 +43,7 @@ class MapGeometry:
     headings_rad: dict[tuple[str, int], float]
     curves: dict[tuple[str, int], Array]
     drive: Array | None
+    doubted: dict[tuple[str, str], Array]
 
 
 def find_geometry(kb: KnowledgeBase, graph: PlaceGraph, number: int = 1) -> MapGeometry:
@@ -74,7 +76,13 @@ def find_geometry(kb: KnowledgeBase, graph: PlaceGraph, number: int = 1) -> MapG
     drive = np.concatenate([travels[v] for v in sorted(travels)]) if travels else None
     if number == 1 and kb.trajectory is not None and layout is not None:
         drive = kb.trajectory.poses[:, :2]
-    return MapGeometry(layout is not None, positions, headings, drawn, drive)
+    doubted = {
+        (edge.start, edge.goal): travels.get(
+            edge.travels[0], np.array([positions[edge.start], positions[edge.goal]])
+        )
+        for edge in graph.doubted[::2]
+    }
+    return MapGeometry(layout is not None, positions, headings, drawn, drive, doubted)
 
 
 def place_symbols(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import string
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import networkx as nx
@@ -67,6 +67,7 @@ class Edge:
     path, forward : name of the path, and whether the edge runs along its forward direction.
     length_m : mean length over the travels, metres; None if unknown.
     travels : the visits at the end of each travel over it, in either direction.
+    doubted : True if a place may have gone unnoticed on the way.
     """
 
     start: str
@@ -77,6 +78,7 @@ class Edge:
     forward: bool
     length_m: float | None
     travels: tuple[int, ...]
+    doubted: bool = False
 
 
 @dataclass(frozen=True)
@@ -99,12 +101,22 @@ class Path:
 
 @dataclass(frozen=True)
 class PlaceGraph:
-    """Places, edges (both directions of each) and paths of one hypothesis."""
+    """Places, edges (both directions of each) and paths of one hypothesis.
+
+    ``doubted`` are stretches that were driven, but on which the hypothesis believes that a place
+    may have gone unnoticed; they are part of no path.
+    """
 
     places: Mapping[str, Place]
     edges: tuple[Edge, ...]
     paths: tuple[Path, ...]
     path_of_dlp: Mapping[tuple[str, int], tuple[str, bool]]
+    doubted: tuple[Edge, ...] = ()
+
+    @cached_property
+    def believed_or_not(self) -> PlaceGraph:
+        """The same graph with the doubted stretches among its edges."""
+        return replace(self, edges=self.edges + self.doubted, doubted=())
 
     @cached_property
     def graph(self) -> nx.MultiDiGraph:
@@ -175,19 +187,13 @@ def build_place_graph(
     """
     links = _find_links(experience, hypothesis)
     places = _make_places(experience, hypothesis, links, names or {})
-    label = {place.first: place.label for place in places.values()}
     classes = _join_dlps(places, links)
     paths, path_of_dlp = _name_paths(places, links, classes)
-    edges: list[Edge] = []
-    for ((p, d), (q, a)), travels in links.items():
-        lengths = [_travel_length(experience, v, lengths_m or {}) for v in travels]
-        known = [length for length in lengths if length is not None]
-        mean = sum(known) / len(known) if known else None
-        path, forward = path_of_dlp[label[p], d]
-        back = places[label[q]].star.opposite(a), places[label[p]].star.opposite(d)
-        edges.append(Edge(label[p], d, label[q], a, path, forward, mean, travels))
-        edges.append(Edge(label[q], back[0], label[p], back[1], path, not forward, mean, travels))
-    return PlaceGraph(places, tuple(edges), paths, path_of_dlp)
+    make = _EdgeMaker(experience, places, path_of_dlp, lengths_m or {})
+    edges = [edge for link, travels in links.items() for edge in make(link, travels)]
+    doubted = _find_doubted(experience, hypothesis, {(edge.start, edge.dlp) for edge in edges})
+    unsure = [edge for link, v in doubted.items() for edge in make(link, (v,), doubted=True)]
+    return PlaceGraph(places, tuple(edges), paths, path_of_dlp, tuple(unsure))
 
 
 Links = dict[tuple[PlaceDlp, PlaceDlp], tuple[int, ...]]
@@ -197,15 +203,78 @@ def _find_links(experience: Experience, hypothesis: Hypothesis) -> Links:
     """Travels by the dlps they join, each link once whichever way it was first travelled."""
     links: dict[tuple[PlaceDlp, PlaceDlp], list[int]] = {}
     for v in range(1, len(experience)):
-        depart = hypothesis.reading(experience, v - 1).depart
-        arrive = hypothesis.reading(experience, v).arrive
-        if depart is None or arrive is None or v in hypothesis.doubted:
+        link = _find_link(experience, hypothesis, v)
+        if link is None or v in hypothesis.doubted:
             continue
-        start = hypothesis.place_dlp(experience, v - 1, depart)
-        goal = hypothesis.place_dlp(experience, v, arrive)
-        reverse = _reverse_link(experience, hypothesis, start, goal)
-        links.setdefault(reverse if reverse in links else (start, goal), []).append(v)
+        reverse = _reverse_link(experience, hypothesis, *link)
+        links.setdefault(reverse if reverse in links else link, []).append(v)
     return {link: tuple(travels) for link, travels in links.items()}
+
+
+def _find_doubted(
+    experience: Experience, hypothesis: Hypothesis, taken: set[tuple[str, int]]
+) -> dict[tuple[PlaceDlp, PlaceDlp], int]:
+    """Doubted travels that lead to or from a gateway of which nothing better is known."""
+    found = {}
+    for v in hypothesis.doubted:
+        link = _find_link(experience, hypothesis, v)
+        if link is None:
+            continue
+        back, _ = _reverse_link(experience, hypothesis, *link)
+        ends = {(f"P{place}", k) for place, k in (link[0], back)}
+        if len(ends) == 2 and not ends <= taken:
+            found[link] = v
+            taken |= ends
+    return found
+
+
+def _find_link(
+    experience: Experience, hypothesis: Hypothesis, visit: int
+) -> tuple[PlaceDlp, PlaceDlp] | None:
+    depart = hypothesis.reading(experience, visit - 1).depart
+    arrive = hypothesis.reading(experience, visit).arrive
+    if depart is None or arrive is None:
+        return None
+    return (
+        hypothesis.place_dlp(experience, visit - 1, depart),
+        hypothesis.place_dlp(experience, visit, arrive),
+    )
+
+
+class _EdgeMaker:
+    """Makes both directions of an edge from the dlps it joins."""
+
+    def __init__(
+        self,
+        experience: Experience,
+        places: Mapping[str, Place],
+        path_of_dlp: Mapping[tuple[str, int], tuple[str, bool]],
+        lengths_m: Mapping[int, float],
+    ) -> None:
+        self.experience, self.places, self.lengths_m = experience, places, lengths_m
+        self.path_of_dlp = path_of_dlp
+
+    def __call__(
+        self,
+        link: tuple[PlaceDlp, PlaceDlp],
+        travels: tuple[int, ...],
+        *,
+        doubted: bool = False,
+    ) -> tuple[Edge, Edge]:
+        """Return the edge there and the edge back."""
+        (p, d), (q, a) = link
+        start, goal = self.places[f"P{p}"], self.places[f"P{q}"]
+        lengths = [_travel_length(self.experience, v, self.lengths_m) for v in travels]
+        known = [length for length in lengths if length is not None]
+        mean = sum(known) / len(known) if known else None
+        path, forward = self.path_of_dlp[start.label, d]
+        there = Edge(start.label, d, goal.label, a, path, forward, mean, travels, doubted=doubted)
+        d_back, a_back = goal.star.opposite(a), start.star.opposite(d)
+        path, forward = self.path_of_dlp[goal.label, d_back]
+        back = Edge(
+            goal.label, d_back, start.label, a_back, path, forward, mean, travels, doubted=doubted
+        )
+        return there, back
 
 
 def _reverse_link(

@@ -7,7 +7,8 @@ openings counted on the side one turns to, a forced turn at an end said.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import defaultdict
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import networkx as nx
@@ -51,6 +52,11 @@ class Route:
     holds_in: int
     maps: int
 
+    @property
+    def doubted(self) -> tuple[tuple[str, str], ...]:
+        """Ends of the stretches on which a place may have gone unnoticed."""
+        return tuple((edge.start, edge.goal) for edge in self.edges if edge.doubted)
+
 
 def find_route(kb: KnowledgeBase, start: str, goal: str, *, number: int = 1) -> Route:
     """Find the shortest travelled way and word it.
@@ -69,6 +75,9 @@ def find_route(kb: KnowledgeBase, start: str, goal: str, *, number: int = 1) -> 
     graph = kb.graph(number)
     origin, target = kb.place(start, number), kb.place(goal, number)
     edges = plan_route(graph, origin.label, target.label)
+    if edges is None:  # better a way with a doubt, which is told, than none
+        edges = plan_route(graph.believed_or_not, origin.label, target.label)
+        graph = replace(graph, edges=graph.edges + tuple(e for e in edges or () if e.doubted))
     if edges is None:
         raise NoAnswerError(_explain_no_route(kb, number, graph, origin, target))
     steps = describe_route(graph, origin, target, edges)
@@ -88,7 +97,7 @@ def find_route(kb: KnowledgeBase, start: str, goal: str, *, number: int = 1) -> 
         target,
         edges,
         steps,
-        word_route(steps, graph),
+        word_route(steps, graph, [(e.start, e.goal) for e in edges if e.doubted]),
         sum(known) if len(known) == len(lengths) else None,
         holds,
         len(kb.hypotheses),
@@ -102,25 +111,23 @@ def plan_route(graph: PlaceGraph, start: str, goal: str) -> tuple[Edge, ...] | N
     """
     if start == goal:
         return ()
-    states = nx.DiGraph()
-    for edge in graph.edges:
+    states, leaving = nx.DiGraph(), defaultdict[str, list[int]](list)
+    for i, edge in enumerate(graph.edges):
+        leaving[edge.start].append(i)
+    for i, edge in enumerate(graph.edges):
         length = edge.length_m if graph.has_lengths and edge.length_m is not None else 1.0
-        key = (edge.start, edge.dlp)
         if edge.start == start:
-            states.add_edge("start", key, weight=0.0)
+            states.add_edge("start", i, weight=0.0)
         if edge.goal == goal:
-            states.add_edge(key, "goal", weight=length)
-        for onward in graph.edges:
-            if onward.start == edge.goal:
-                turned = onward.dlp != edge.arrive
-                states.add_edge(
-                    key, (onward.start, onward.dlp), weight=length + _TURN_PRICE * turned
-                )
+            states.add_edge(i, "goal", weight=length)
+        for j in leaving[edge.goal]:
+            turned = graph.edges[j].dlp != edge.arrive
+            states.add_edge(i, j, weight=length + _TURN_PRICE * turned)
     try:
         way = nx.dijkstra_path(states, "start", "goal")
     except (nx.NetworkXNoPath, nx.NodeNotFound):
         return None
-    return tuple(graph.edge_at[key] for key in way[1:-1])
+    return tuple(graph.edges[i] for i in way[1:-1])
 
 
 def _explain_no_route(
@@ -153,6 +160,8 @@ def _leads_there(
 ) -> bool:
     """Whether the instructions, made for one map, lead from start to goal in another."""
     other = kb.hypothesis(number)
+    if other is own:
+        return True  # followed already
     if max(origin.first, target.first) >= len(other.visits):
         return False
     graph = kb.graph(number)
@@ -160,7 +169,11 @@ def _leads_there(
     if not edges:
         return start == goal
     dlp = _carry_dlp(kb, own, other, origin.first, edges[0].dlp)
-    return dlp is not None and follow_steps(graph, start, dlp, steps) == goal
+    if dlp is None:
+        return False
+    sure_first = replace(graph, edges=graph.doubted + graph.edges)  # the later edge wins
+    graphs = graph, sure_first, graph.believed_or_not
+    return any(follow_steps(known, start, dlp, steps) == goal for known in graphs)
 
 
 def _carry_dlp(

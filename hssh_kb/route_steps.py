@@ -191,6 +191,7 @@ def choose_anchor(
             return "corner", None
         return "end", None
     counted = outlooks[since:]
+    side = "" if side == "back" else side
     junctions = sum(outlook.ways_on > 1 for outlook in counted)
     if side and junctions > 1:
         openings = [len(outlook.side(side)) for outlook in counted]
@@ -285,6 +286,7 @@ def follow_steps(graph: PlaceGraph, start: str, dlp: int, steps: Sequence[Step])
 def _walk_to_anchor(graph: PlaceGraph, here: str, onward: int, step: Step) -> Edge | None:
     """Walk straight on until the anchor of a step is met; return the last stretch."""
     side = (step.direction or "").split()[-1] if step.action == "turn" else ""
+    side = "" if side == "back" else side
     seen = junctions = walked = 0
     to_pass = list(step.past)
     for _ in graph.edges:

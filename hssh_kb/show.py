@@ -11,7 +11,7 @@ from hssh_kb.errors import UsageError
 from hssh_kb.labels import LabelPlacer
 from hssh_kb.legend import draw_legend, draw_scale_bar, draw_title
 from hssh_kb.map_geometry import MapGeometry, find_geometry
-from hssh_kb.palette import BLOCKED, DRIVE, INK, PAPER, ROUTE, Palette, paint_grid
+from hssh_kb.palette import BLOCKED, DRIVE, INK, PAPER, ROUTE, STUB, Palette, paint_grid
 from hssh_kb.place_graph import Edge, Place, PlaceGraph
 from hssh_kb.scene import Bitmap, Disc, Line, Scene, Shape, Text
 from perception.files import write_atomically
@@ -179,6 +179,9 @@ class _Drawing:
 
     def _draw_paths(self, scene: Scene) -> None:
         width = self.radius * 0.62
+        for curve in self.geometry.doubted.values():
+            points = self.to_canvas(_smooth(curve))
+            scene.add(Line(points, STUB, width * 0.6, dash=6.0, group="doubted"))
         for edge in self.graph.undirected_edges:
             points = self.to_canvas(_smooth(self.geometry.curves[edge.start, edge.dlp]))
             group = f"path-{edge.path}"
@@ -194,6 +197,9 @@ class _Drawing:
 
     def _orient_curve(self, edge: Edge) -> Array:
         """Return the curve of a stretch in the direction it is walked."""
+        if edge.doubted:
+            there = self.geometry.doubted.get((edge.start, edge.goal))
+            return self.geometry.doubted[edge.goal, edge.start][::-1] if there is None else there
         if (edge.start, edge.dlp) in self.geometry.curves:
             return _smooth(self.geometry.curves[edge.start, edge.dlp])
         back = self.graph.places[edge.goal].star.opposite(edge.arrive)

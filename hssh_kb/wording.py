@@ -34,8 +34,13 @@ def word_steps(steps: Sequence[Step], graph: PlaceGraph) -> tuple[Step, ...]:
     return tuple(replace(step, text=_word_step(step, steps, graph)) for step in steps)
 
 
-def word_route(steps: Sequence[Step], graph: PlaceGraph) -> str:
-    """Return the instructions as one paragraph; steps close to each other share a sentence."""
+def word_route(
+    steps: Sequence[Step], graph: PlaceGraph, doubted: Sequence[tuple[str, str]] = ()
+) -> str:
+    """Return the instructions as one paragraph; steps close to each other share a sentence.
+
+    Stretches that are ``doubted``, given by their ends, are told at the end.
+    """
     table = load_phrases()
     clauses = _merge_corners(
         [(step, _word_clause(step, graph)) for step in steps if step.action in {"turn", "arrive"}]
@@ -49,6 +54,9 @@ def word_route(steps: Sequence[Step], graph: PlaceGraph) -> str:
             i += 1
         sentences.append(f"{text[0].upper()}{text[1:]}.")
         i += 1
+    for start, goal in doubted:
+        ends = {"start": graph.places[start].title, "goal": graph.places[goal].title}
+        sentences.append(_fill("doubt", "stretch", **ends))
     return " ".join(sentences)
 
 

@@ -7,9 +7,11 @@ from hssh_kb.ranking import RankedMaps
 
 
 def write_torn_kb(path):
-    """Three places in a row; the travel to the third is not believed."""
+    """P0 - P1 and P3 - P4; the one travel between them is contradicted at both its ends."""
     way = ["a+1", "a-1"]
-    experience = make_experience([(way, None, 0), (way, 0, 0), (way, 0, None)])
-    best = Hypothesis((0, 1, 2), (0, 0, 0), log_posterior=-1.0, doubted=(2,))
+    experience = make_experience(
+        [(way, None, 0), (way, 0, 1), (way, 1, 0), (way, 0, 1), (way, 1, None)]
+    )
+    best = Hypothesis((0, 1, 0, 3, 4), (0,) * 5, log_posterior=-1.0, doubted=(3,))
     KnowledgeBase(experience, RankedMaps((best,), "posterior")).save(path)
     return path

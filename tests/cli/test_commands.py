@@ -180,11 +180,14 @@ def test_no_route_is_code_1_with_the_reason(hssh, tmp_path):
     from small_kb_files import write_torn_kb
 
     path = write_torn_kb(tmp_path / "torn.hssh")
-    answer = hssh("route", path, "P0", "P2", "--json")
+    answer = hssh("route", path, "P0", "P3", "--json")
     assert answer.code == 1
     assert answer.document["text"] is None
     assert "from there one reaches P1" in answer.document["reason"]
-    assert hssh("route", path, "P0", "P2").out.startswith("No travelled way")
+    assert hssh("route", path, "P0", "P3").out.startswith("No travelled way")
+    assert hssh("show", path, "-o", tmp_path / "x.svg", "--route", "P0", "P3").code == 1
+    assert not (tmp_path / "x.svg").exists()
+    assert hssh("show", path, "-o", tmp_path / "x.svg").code == 0  # in pieces, it can be drawn
 
 
 @pytest.mark.parametrize("ending", ["svg", "png"])

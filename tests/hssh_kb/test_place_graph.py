@@ -66,6 +66,11 @@ def test_a_doubted_travel_is_no_edge():
     graph = build_place_graph(experience, Hypothesis((0, 1, 2), (0, 0, 0), doubted=(2,)))
     assert {(edge.start, edge.goal) for edge in graph.edges} == {("P0", "P1"), ("P1", "P0")}
     assert graph.places["P2"].frontiers == (0, 1)
+    assert [(e.start, e.goal, e.doubted) for e in graph.doubted] == [
+        ("P1", "P2", True),
+        ("P2", "P1", True),
+    ]
+    assert {edge.goal for edge in graph.believed_or_not.edges} == {"P0", "P1", "P2"}
 
 
 def test_names_by_visit_win_over_names_in_the_experience():

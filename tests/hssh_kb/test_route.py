@@ -206,10 +206,30 @@ def test_start_and_goal_the_same():
     assert route.holds_in == 2
 
 
+def tear(kb):
+    """Take away all that leads to P2."""
+    graph = kb.graph()
+    kept = tuple(e for e in graph.edges if "P2" not in (e.start, e.goal))
+    torn = dataclasses.replace(kb)
+    torn.__dict__["graph"] = lambda number=1: dataclasses.replace(graph, edges=kept)
+    return torn
+
+
+def test_a_doubted_stretch_is_used_where_there_is_no_other_way_and_told():
+    kb = make_kb()
+    doubting = dataclasses.replace(kb.hypothesis(), doubted=(2, 3))
+    ranked = RankedMaps((doubting,), "posterior")
+    kb = dataclasses.replace(kb, ranked=ranked, layouts=kb.layouts[:1])
+    route = kb.route("P0", "P2")
+    assert route.doubted == (("P1", "P2"),)
+    assert "Beware: between P1 and P2 a place may have gone unnoticed." in route.text
+    assert route.holds_in == 1
+    assert kb.route("P0", "P3").doubted == ()  # round the other way, all of it believed
+
+
 def test_no_route_names_the_nearest_place_reached():
     kb = make_kb()
-    broken = dataclasses.replace(kb.hypothesis(), doubted=tuple(range(2, 9)))
-    kb = dataclasses.replace(kb, ranked=RankedMaps((broken,), "posterior"), layouts=kb.layouts[:1])
+    kb = tear(kb)
     with pytest.raises(NoAnswerError, match=r"from P0 to P2; the nearest place .* P1, 5.0 m"):
         kb.route("P0", "P2")
     assert NoAnswerError.exit_code == 1

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from small_kbs import STEPS_A_TRAVEL, make_kb
 
-from hssh_kb.errors import InputError, NoAnswerError, UsageError
+from hssh_kb.errors import InputError, UsageError
 from hssh_kb.kb import KnowledgeBase
 from hssh_kb.labels import LabelPlacer, find_box
 from hssh_kb.map_geometry import find_geometry
@@ -208,10 +208,15 @@ def test_faults(kb, tmp_path):
         show_map(kb, tmp_path / "a.svg", number=3)
     with pytest.raises(InputError, match="no place"):
         show_map(kb, tmp_path / "a.svg", route=("P0", "nowhere"))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_doubted_stretches_are_dashed_and_a_route_may_use_them(kb):
     torn = dataclasses.replace(kb.hypothesis(), doubted=tuple(range(2, 9)))
     ranked = dataclasses.replace(kb.ranked, maps=(torn,))
     apart = dataclasses.replace(kb, ranked=ranked, layouts=kb.layouts[:1])
-    with pytest.raises(NoAnswerError):
-        show_map(apart, tmp_path / "a.svg", route=("P0", "P2"))
-    assert list(tmp_path.iterdir()) == []
-    show_map(apart, tmp_path / "a.svg")  # a map in pieces can still be drawn
+    scene = draw_map(apart, route=apart.route("P2", "P0"))
+    dashed = [i for i in scene.items if isinstance(i, Line) and i.group == "doubted"]
+    assert len(dashed) == len(apart.graph().doubted) // 2 > 0
+    assert any(isinstance(i, Text) and "place may be missing" in i.text for i in scene.items)
+    assert any(isinstance(i, Line) and i.group == "route" for i in scene.items)
