@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from hssh_kb.enumerator import TreeEnumerator
 from hssh_kb.errors import UsageError
 from hssh_kb.experience import Experience
-from hssh_kb.facts import candidate_facts, experience_to_facts
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.oracle import Oracle
 from hssh_kb.planarity import make_planarity_test
-from hssh_kb.solver import Models, Symbol, is_satisfiable, solve_all, solve_best, solve_minimal
+from hssh_kb.preference import best_by_cardinality, best_by_subset
+from hssh_kb.program import has_alternatives, make_converter, sort_key, strict_program
+from hssh_kb.solver import Models, is_satisfiable, solve_all
 from hssh_kb.subsets import OutOfTimeError
-from hssh_kb.theory import axiom_program, policy_levels, policy_program, read_programs
 
 Dstate = tuple[int, int]
-_CORE = ("experience", "generate", "map", "connected", "modes/strict", "show")
 _QUICK = ("--heuristic=None",)
 """When all maps are wanted, deciding in the order of time never runs into a conflict."""
 
@@ -40,42 +38,6 @@ class Enumeration:
     complete: bool
     inconsistent_from: int | None = None
     costs: tuple[tuple[int, ...], ...] = ()
-
-
-def strict_program(
-    experience: Experience,
-    *,
-    order: bool = True,
-    planarity: bool = True,
-    visits: int | None = None,
-    generator: str = "given",
-    further: Sequence[str] = (),
-) -> str:
-    """Return the program whose models are the consistent maps of the first visits.
-
-    Parameters
-    ----------
-    experience : what was lived through.
-    order, planarity : whether these axioms are loaded.
-    visits : how many visits; all by default.
-    generator : "wide" hides no axiom; "tight" has star isomorphism built in; "given" is the tight
-        one worked out beforehand. All give the same maps, the last soonest.
-    further : names of further files.
-    """
-    names = list(_CORE)
-    facts = experience_to_facts(experience, range(len(experience) if visits is None else visits))
-    if generator == "given":
-        facts += candidate_facts(experience, visits)
-    else:
-        names.append(generator)
-    if generator != "given" or _has_alternatives(experience):
-        names.append(axiom_program("star_isomorphism"))
-    names += map(axiom_program, ("travel_function", "reversibility"))
-    if order:
-        names.append(axiom_program("order_irreflexive"))
-    if planarity:
-        names.append(axiom_program("planarity"))
-    return read_programs([*names, *further]) + facts
 
 
 def enumerate_maps(
@@ -201,59 +163,27 @@ def minimal_maps(
     if minimal not in ("cardinality", "subset"):
         raise UsageError(f"minimal is 'cardinality' or 'subset', not {minimal!r}")
     end = _deadline(limit, budget_s)
-    find = _best_by_cardinality if minimal == "cardinality" else _best_by_subset
-    count = len(experience)
-    found = find(experience, count, policy, planarity, limit, budget_s)
+    search = best_by_cardinality if minimal == "cardinality" else best_by_subset
+
+    def find(count: int) -> Enumeration:
+        rest = _rest(end)
+        return _gather(search(experience, count, policy, planarity, limit, rest))
+
+    found = find(len(experience))
     if found.maps or not found.complete:
         return found
     broken = find_inconsistent_visit(experience, planarity=planarity, budget_s=_rest(end))
     if broken is None:
         return Enumeration((), complete=False)
-    kept = find(experience, broken, policy, planarity, limit, _rest(end))
+    kept = find(broken)
     return Enumeration(kept.maps, kept.complete, broken, kept.costs)
 
 
-def _best_by_cardinality(
-    experience: Experience,
-    count: int,
-    policy: str,
-    planarity: bool,
-    limit: int | None,
-    budget_s: float | None,
-) -> Enumeration:
-    further = ("objective", policy_program(policy))
-    readings = _has_alternatives(experience)
-    end = None if budget_s is None else time.monotonic() + budget_s
-    if planarity and not readings:
-        # If some best map is planar although nothing asked for it, no planar map is better.
-        program = strict_program(experience, planarity=False, visits=count, further=further)
-        convert = make_converter(count, False, make_planarity_test(experience, count))
-        models = solve_best(program, convert, limit=limit, budget_s=budget_s)
-        if models.found and models.complete:
-            return _ranked(models)
-    program = strict_program(experience, planarity=planarity, visits=count, further=further)
-    convert = make_converter(count, readings)
-    return _ranked(solve_best(program, convert, limit=limit, budget_s=_rest(end)))
-
-
-def _ranked(models: Models[Hypothesis]) -> Enumeration:
-    maps = tuple(sorted(models.found, key=_sort_key))
-    return Enumeration(maps, models.complete, costs=(models.cost,) * len(maps))
-
-
-def _best_by_subset(
-    experience: Experience,
-    count: int,
-    policy: str,
-    planarity: bool,
-    limit: int | None,
-    budget_s: float | None,
-) -> Enumeration:
-    levels = policy_levels(policy)
-    program = strict_program(experience, planarity=planarity, visits=count, further=("objective",))
-    convert = make_converter(count, _has_alternatives(experience))
-    models = solve_minimal(program, levels, convert, limit=limit, budget_s=budget_s)
-    return Enumeration(tuple(sorted(models.found, key=_sort_key)), models.complete)
+def _gather(models: Models[Hypothesis]) -> Enumeration:
+    maps = tuple(sorted(models.found, key=sort_key))
+    return Enumeration(
+        maps, models.complete, costs=(models.cost,) * len(maps) if models.cost else ()
+    )
 
 
 def _enumerate(
@@ -266,14 +196,14 @@ def _enumerate(
     engine: str = "tree",
     rules: str = "",
 ) -> Enumeration:
-    readings = _has_alternatives(experience)
+    readings = has_alternatives(experience)
     if engine == "tree" and not rules:
         end = None if budget_s is None else time.monotonic() + budget_s
         tree = TreeEnumerator(
             experience, count, order=order, planarity=planarity, limit=limit, end=end
         )
         complete = tree.run()
-        return Enumeration(tuple(sorted(tree.found, key=_sort_key)), complete)
+        return Enumeration(tuple(sorted(tree.found, key=sort_key)), complete)
     by_filter = planarity and not readings  # quicker than guessing faces; tests hold both equal
     program = rules + strict_program(
         experience, order=order, planarity=planarity and not by_filter, visits=count
@@ -281,51 +211,7 @@ def _enumerate(
     keep = make_planarity_test(experience, count) if by_filter else None
     convert = make_converter(count, readings, keep)
     models = solve_all(program, convert, limit=limit, budget_s=budget_s, options=_QUICK)
-    return Enumeration(tuple(sorted(models.found, key=_sort_key)), models.complete)
-
-
-def make_converter(
-    count: int,
-    readings: bool,
-    keep: Callable[[Sequence[int], Sequence[int]], bool] | None = None,
-) -> Callable[[Sequence[Symbol]], Hypothesis | None]:
-    """Return what turns the shown atoms of a model into a hypothesis over ``count`` visits.
-
-    None stands for a map that ``keep`` refuses, given its visits and offsets. The arguments of
-    each distinct atom are read once and kept: a model is then a few lookups.
-    """
-    cache: dict[Symbol, tuple[int, int, int]] = {}
-    identity, zeros = list(range(count)), [0] * count
-
-    def convert(symbols: Sequence[Symbol]) -> Hypothesis | None:
-        visits, offsets = identity.copy(), zeros.copy()
-        chosen = zeros.copy() if readings else []
-        for symbol in symbols:
-            entry = cache.get(symbol)
-            if entry is None:
-                numbers = [argument.number for argument in symbol.arguments]
-                entry = (numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else -1)
-                cache[symbol] = entry
-            v, value, offset = entry
-            if offset < 0:
-                chosen[v] = value
-            else:
-                visits[v], offsets[v] = value, offset
-        if keep is not None and not keep(visits, offsets):
-            return None
-        return Hypothesis(tuple(visits), tuple(offsets), tuple(chosen))
-
-    return convert
-
-
-def _has_alternatives(experience: Experience) -> bool:
-    return any(len(visit.readings) > 1 for visit in experience.visits)
-
-
-def _sort_key(
-    hypothesis: Hypothesis,
-) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
-    return hypothesis.visits, hypothesis.offsets, hypothesis.readings
+    return Enumeration(tuple(sorted(models.found, key=sort_key)), models.complete)
 
 
 def _deadline(limit: int | None, budget_s: float | None) -> float | None:

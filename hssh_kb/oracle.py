@@ -13,6 +13,7 @@ from hssh_kb.experience import Experience
 from hssh_kb.facts import experience_to_facts
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.planarity import is_planar
+from hssh_kb.program import make_converter
 from hssh_kb.solver import solve_all
 from hssh_kb.subsets import OutOfTimeError, shrink_conflict
 from hssh_kb.theory import axiom_program, read_programs
@@ -164,8 +165,6 @@ class Oracle:
 
     def _search(self, active: frozenset[Literal]) -> Hypothesis | None:
         """Ask the solver: planarity or the choice of readings decides."""
-        from hssh_kb.maps import make_converter
-
         if len(self.experience) > SEARCH_LIMIT:
             raise OutOfTimeError
         self.searches += 1

@@ -12,10 +12,9 @@ from hssh_kb.maps import (
     count_paths,
     enumerate_maps,
     find_inconsistent_visit,
-    make_converter,
     minimal_maps,
-    strict_program,
 )
+from hssh_kb.program import make_converter, strict_program
 from hssh_kb.solver import solve_all
 from hssh_kb.theory import POLICIES
 

@@ -1,0 +1,90 @@
+"""Minimal maps: fewest by count, or minimal by inclusion, under a named policy."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from hssh_kb.experience import Experience
+from hssh_kb.hypothesis import Hypothesis
+from hssh_kb.planarity import is_planar, make_planarity_test
+from hssh_kb.program import has_alternatives, make_converter, strict_program
+from hssh_kb.solver import Models, Symbol, solve_best, solve_minimal
+from hssh_kb.theory import policy_levels, policy_program
+
+_LETTERS = "ABCDEFGH"
+
+
+def best_by_cardinality(
+    experience: Experience,
+    count: int,
+    policy: str,
+    planarity: bool,
+    limit: int | None,
+    budget_s: float | None,
+) -> Models[Hypothesis]:
+    """Find the maps of the first visits that cost least, all that tie.
+
+    Planarity is tried on the best maps found without it. If none is planar, the next best are
+    sought, and so on: a few quick searches instead of one in which the faces are guessed.
+    """
+    further = ("objective", policy_program(policy))
+    program = strict_program(experience, planarity=False, visits=count, further=further)
+    end = None if budget_s is None else time.monotonic() + budget_s
+    while True:
+        rest = None if end is None else max(end - time.monotonic(), 0.0)
+        seen: list[int] = []
+        convert = _make_counting_converter(experience, count, planarity, seen)
+        models = solve_best(program, convert, limit=limit, budget_s=rest)
+        if models.found or not models.complete or not seen:
+            return models
+        program += _worse_than(policy, models.cost)
+
+
+def _make_counting_converter(
+    experience: Experience, count: int, planarity: bool, seen: list[int]
+) -> Callable[[Sequence[Symbol]], Hypothesis | None]:
+    """Return a converter that notes each model in ``seen`` and refuses maps that are not planar."""
+    readings = has_alternatives(experience)
+    begun = replace(experience, visits=experience.visits[:count])
+    quick = make_planarity_test(experience, count) if planarity and not readings else None
+    plain = make_converter(count, readings, quick)
+
+    def convert(symbols: Sequence[Symbol]) -> Hypothesis | None:
+        seen.append(1)
+        hypothesis = plain(symbols)
+        if hypothesis is not None and planarity and readings and not is_planar(begun, hypothesis):
+            return None
+        return hypothesis
+
+    return convert
+
+
+def _worse_than(policy: str, cost: Sequence[int]) -> str:
+    """Return the constraint that a map costs more, level by level, than the best ones so far."""
+    parts = []
+    for (name, arity), bound in zip(
+        (level[0] for level in policy_levels(policy)), cost, strict=True
+    ):
+        if name == "dear":  # readings are weighed by their price
+            parts.append(f"#sum {{ W,V : reading(V,R), price(V,R,W) }} <= {bound}")
+        else:
+            variables = ",".join(_LETTERS[:arity])
+            parts.append(f"#count {{ {variables} : {name}({variables}) }} <= {bound}")
+    # No map left is better in an earlier level, so "at most" means "equal" there.
+    return f"\n:- {', '.join(parts)}.\n"
+
+
+def best_by_subset(
+    experience: Experience,
+    count: int,
+    policy: str,
+    planarity: bool,
+    limit: int | None,
+    budget_s: float | None,
+) -> Models[Hypothesis]:
+    """Find the maps of the first visits to which no other is preferred, by inclusion."""
+    program = strict_program(experience, planarity=planarity, visits=count, further=("objective",))
+    convert = make_converter(count, has_alternatives(experience))
+    return solve_minimal(program, policy_levels(policy), convert, limit=limit, budget_s=budget_s)
