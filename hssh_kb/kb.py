@@ -20,6 +20,7 @@ from hssh_kb.records import BuildRecord, PlaceLayout, Raster, Trajectory
 
 if TYPE_CHECKING:
     from hssh_kb.check import Check
+    from hssh_kb.explore import Exploration, Strategy
     from hssh_kb.route import Route
 
 
@@ -195,6 +196,17 @@ class KnowledgeBase:
         from hssh_kb.check import check
 
         return check(self.experience, assumptions=list(assume), budget_s=budget_s)
+
+    def explore(self, strategy: Strategy = "entropy", **options: Any) -> Exploration:  # noqa: ANN401
+        """Rank the ways to go next by what they would tell; see :func:`hssh_kb.explore.explore`.
+
+        Raises
+        ------
+        NoAnswerError : nothing is left to explore, or no map explains the experience.
+        """
+        from hssh_kb.explore import explore
+
+        return explore(self, strategy, **options)
 
     def show(
         self,

@@ -9,11 +9,11 @@ import sys
 import traceback
 from collections.abc import Sequence
 
-from hssh_kb.cli import axioms, build, check, demo, export, maps, route, show, star
+from hssh_kb.cli import axioms, build, check, demo, explore, export, maps, route, show, star
 from hssh_kb.cli.output import tell_error
 from hssh_kb.errors import HsshError
 
-COMMANDS = (demo, build, star, maps, route, check, show, export, axioms)
+COMMANDS = (demo, build, star, maps, route, check, explore, show, export, axioms)
 
 _EPILOG = """\
 examples:
