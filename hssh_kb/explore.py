@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
 Strategy = Literal["entropy", "agenda", "rehearsal"]
 STRATEGIES: tuple[Strategy, ...] = ("entropy", "agenda", "rehearsal")
-_EQUAL = 1e-9
+WORTH_BITS = 1e-3
+"""A travel that removes less doubt than this, in bits, is not said to tell maps apart."""
 
 
 @dataclass(frozen=True)
@@ -267,7 +268,7 @@ def select_informative(walks: Iterable[Walk]) -> list[Walk]:
     ------
     Ours.
     """
-    telling = [walk for walk in walks if walk.last_gain_bits > _EQUAL]
+    telling = [walk for walk in walks if walk.last_gain_bits > WORTH_BITS]
     return sorted(
         telling,
         key=lambda walk: (-round(walk.rate_bits, 9), walk.length, walk.edge is not None, walk.key),
@@ -326,7 +327,10 @@ def select_rehearsals(walks: Iterable[Walk], doubted: int, lead: Hypothesis) -> 
     known = [
         walk
         for walk in walks
-        if walk.place == place and walk.edge is not None and min(walk.edge.travels) < doubted
+        if walk.place == place
+        and walk.edge is not None
+        and not walk.edge.doubted
+        and min(walk.edge.travels) < doubted
     ]
     return sorted(known, key=lambda walk: (-round(walk.gain_bits, 9), walk.length, walk.key))
 

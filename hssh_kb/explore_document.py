@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from hssh_kb.explore import Exploration, Suggestion
+from hssh_kb.explore import WORTH_BITS, Exploration, Suggestion
 
 
 def document_exploration(found: Exploration) -> dict[str, Any]:
@@ -22,7 +22,7 @@ def document_exploration(found: Exploration) -> dict[str, Any]:
         "maps": len(found.weights),
         "weights": [round(weight, 6) for weight in found.weights],
         "entropy_bits": round(found.entropy_bits, 6),
-        "informative": any(one.gain_bits > 1e-9 for one in found.suggestions),
+        "informative": any(one.gain_bits > WORTH_BITS for one in found.suggestions),
         "doubted": None if found.doubted is None else f"v{found.doubted}",
         "unit": found.unit,
         "found": found.found,

@@ -91,7 +91,10 @@ def tell_suggestion(
     place = graph.places[walk.place]
     dlp = place.star.dlps[walk.dlp]
     way = word_way(place.star, walk.facing, walk.dlp)
-    new = "never taken yet" if walk.edge is None else f"taken before, to {_title(graph, walk.edge)}"
+    new = "never taken yet"
+    if walk.edge is not None:
+        new = f"taken before, to {graph.places[walk.edge.goal].title}"
+        new += ", but a place may have gone unnoticed on it" * walk.edge.doubted
     length = _format_length(walk.length, unit)
     text = (
         f"Leave {place.title} by {way} as you come in ({dlp.path}{dlp.direction}, {new}); "
@@ -116,7 +119,9 @@ def word_walk(graph: PlaceGraph, way: Sequence[Edge]) -> str:
     if not way:
         return ""
     start, goal = graph.places[way[0].start], graph.places[way[-1].goal]
-    return word_route(word_steps(describe_route(graph, start, goal, way), graph), graph)
+    known = graph.believed_or_not
+    steps = word_steps(describe_route(known, start, goal, way), known)
+    return word_route(steps, known, [(edge.start, edge.goal) for edge in way if edge.doubted])
 
 
 def tell_expectations(foresight: Foresight, walk: Walk) -> tuple[Expectation, ...]:
@@ -230,10 +235,6 @@ def _name_merit(found: Exploration) -> str:
         "agenda": ": they are equally near; the sharpest turn is listed first",
         "rehearsal": ": they are expected to tell equally much",
     }[found.used]
-
-
-def _title(graph: PlaceGraph, edge: Edge) -> str:
-    return graph.places[edge.goal].title
 
 
 def _format_length(length: float, unit: str) -> str:

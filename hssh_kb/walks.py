@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import heapq
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from hssh_kb.foresight import Belief, Forecast, Foresight
+from hssh_kb.foresight import Belief, Forecast, Foresight, Stand
 from hssh_kb.place_graph import Edge, PlaceGraph
 from perception.geometry import wrap_angle
 
@@ -24,7 +24,7 @@ class Walk:
     facing : index of the dlp faced there.
     dlp : index of the dlp to leave by.
     way : the edges to the place; empty if the robot is there.
-    edge : the edge of the last travel; None if the way is unexplored.
+    edge : the edge of the last travel, maybe a doubted one; None if the way is unexplored.
     way_length, length : of the way, and with the last travel, in metres or travels; an unexplored
         way is taken to be as long as edges are on average.
     gain_bits : expected loss of entropy over the whole walk.
@@ -59,9 +59,9 @@ class Walk:
 
 @dataclass(frozen=True)
 class _Reach:
-    """How a place is reached: cost, edges, the dlp faced."""
+    """How a place is reached: doubted stretches and length, edges, the dlp faced."""
 
-    cost: float
+    cost: tuple[int, float]
     way: tuple[Edge, ...]
     facing: int
 
@@ -76,46 +76,39 @@ def list_walks(graph: PlaceGraph, foresight: Foresight) -> list[Walk]:
 
     Returns
     -------
-    A walk for each gateway of each place that known ways lead to, on the shortest way to it. Of
-    equally long ways the one found first in the order of places and dlps is taken.
+    A walk for each gateway of each place that known ways lead to, on the shortest way to it; with
+    doubted stretches only where there is no other. Of equally long ways the one found first in
+    the order of places and dlps is taken.
     """
     start = foresight.start()
     stand = start.stands[foresight.lead]
     if stand is None:
         return []
-    metric = graph.has_lengths and bool(graph.edges)
-    lengths = [edge.length_m or 0.0 for edge in graph.undirected_edges]
-    typical = (sum(lengths) / len(lengths) or 1.0) if metric else 1.0
-    reaches = _reach_places(graph, f"P{stand.place}", stand.facing, metric)
-    beliefs = dict[str, Belief]()
-    now = start.entropy_bits
-    walks = list[Walk]()
+    known = graph.believed_or_not
+    lengths = [edge.length_m for edge in known.edges if edge.length_m]
+    ruler = Ruler(sum(lengths) / len(lengths) if graph.has_lengths and lengths else None)
+    reaches = _reach_places(known, f"P{stand.place}", stand.facing, ruler)
+    beliefs, walks = dict[str, Belief](), list[Walk]()
     for label, reach in reaches.items():
+        belief = start
         if reach.way:
-            last = reach.way[-1]
-            came = reaches[last.start].facing
-            onward = _leave(graph, foresight, beliefs[last.start], last.start, came, last.dlp)
-            if onward.onward is None:
-                continue
-            belief = onward.onward
-        else:
-            belief = start
+            edge = reach.way[-1]
+            belief = _arrive(graph, foresight, beliefs[edge.start], reaches[edge.start], edge)
         beliefs[label] = belief
         star = graph.places[label].star
         for dlp in (k for k in range(len(star)) if star.alpha[k]):
-            edge = graph.edge_at.get((label, dlp))
-            more = _price(edge, metric) if edge else typical
-            forecast = _leave(graph, foresight, belief, label, reach.facing, dlp)
+            last = graph.edge_at.get((label, dlp)) or known.edge_at.get((label, dlp))
+            forecast = foresight.step(belief, (dlp - reach.facing) % len(star))
             walks.append(
                 Walk(
                     label,
                     reach.facing,
                     dlp,
                     reach.way,
-                    edge,
-                    reach.cost,
-                    reach.cost + more,
-                    now - forecast.entropy_bits,
+                    last,
+                    reach.cost[1],
+                    reach.cost[1] + ruler.measure(last),
+                    start.entropy_bits - forecast.entropy_bits,
                     belief.entropy_bits - forecast.entropy_bits,
                     forecast.entropy_bits,
                     belief,
@@ -125,26 +118,46 @@ def list_walks(graph: PlaceGraph, foresight: Foresight) -> list[Walk]:
     return walks
 
 
-def _leave(
-    graph: PlaceGraph, foresight: Foresight, belief: Belief, label: str, facing: int, dlp: int
-) -> Forecast:
-    size = len(graph.places[label].star)
-    return foresight.step(belief, (dlp - facing) % size)
+@dataclass(frozen=True)
+class Ruler:
+    """Measures travels: in metres, or each as one travel.
+
+    Attributes
+    ----------
+    typical_m : mean length of an edge, taken where a length is unknown; None counts travels.
+    """
+
+    typical_m: float | None
+
+    def measure(self, edge: Edge | None) -> float:
+        """Return the length of an edge; None stands for an unexplored way."""
+        if self.typical_m is None:
+            return 1.0
+        return self.typical_m if edge is None or not edge.length_m else edge.length_m
 
 
-def _price(edge: Edge, metric: bool) -> float:
-    """Return the length of an edge; a travel of no length still costs a little."""
-    return max(edge.length_m or 0.0, 0.01) if metric else 1.0
+def _arrive(
+    graph: PlaceGraph, foresight: Foresight, before: Belief, reach: _Reach, edge: Edge
+) -> Belief:
+    """Return the belief at the far end of an edge on the way."""
+    size = len(graph.places[edge.start].star)
+    onward = foresight.step(before, (edge.dlp - reach.facing) % size).onward
+    if onward is not None:
+        return onward
+    # A doubted stretch tells nothing for sure, but leads on if all goes as it did before.
+    stands: list[Stand | None] = [None] * len(foresight.maps)
+    stands[foresight.lead] = Stand(int(edge.goal.removeprefix("P")), edge.arrive)
+    return replace(before, stands=tuple(stands))
 
 
-def _reach_places(graph: PlaceGraph, start: str, facing: int, metric: bool) -> dict[str, _Reach]:
+def _reach_places(graph: PlaceGraph, start: str, facing: int, ruler: Ruler) -> dict[str, _Reach]:
     """Return the shortest known way to each place that is reached, nearest first."""
     done = dict[str, _Reach]()
     leaving: dict[str, list[Edge]] = {}
     for edge in graph.edges:
         leaving.setdefault(edge.start, []).append(edge)
     serial = 0
-    queue: list[tuple[float, int, str, _Reach]] = [(0.0, 0, start, _Reach(0.0, (), facing))]
+    queue = [((0, 0.0), 0, start, _Reach((0, 0.0), (), facing))]
     while queue:
         cost, _, label, reach = heapq.heappop(queue)
         if label in done:
@@ -153,7 +166,7 @@ def _reach_places(graph: PlaceGraph, start: str, facing: int, metric: bool) -> d
         for edge in leaving.get(label, []):
             if edge.goal not in done:
                 serial += 1
-                on = cost + _price(edge, metric)
+                on = cost[0] + edge.doubted, cost[1] + ruler.measure(edge)
                 entry = _Reach(on, (*reach.way, edge), edge.arrive)
                 heapq.heappush(queue, (on, serial, edge.goal, entry))
     return done
