@@ -73,24 +73,26 @@ def holds(experience, part, *, order=True):
     return True
 
 
-@pytest.mark.parametrize("chunk", range(5))
+def differs(seed):
+    """Compare the maps of one random walk with brute force; return whether they differ."""
+    rng = random.Random(seed)
+    drive = worlds.random_experience(rng, rng.randint(1, 4), stubs=seed % 4 == 0)
+    experience = forget_stars(drive)
+    if seed % 3 == 0:  # poorer views, and turns of which nothing is known
+        views = tuple(view[:2] for view in experience.views)
+        actions = tuple(
+            "turn" if a.startswith("turn") and rng.random() < 0.5 else a for a in experience.actions
+        )
+        experience = BasicExperience(views[:7], actions[:6])
+    order = seed % 5 != 0
+    maps, complete = enumerate_basic_maps(experience, order=order)
+    expected = {p for p in partitions(experience.views) if holds(experience, p, order=order)}
+    return not complete or set(maps) != expected
+
+
+@pytest.mark.parametrize("chunk", range(4))
 def test_maps_of_the_basic_ssh_equal_brute_force(chunk):
-    for seed in range(chunk * 40, chunk * 40 + 40):
-        rng = random.Random(seed)
-        drive = worlds.random_experience(rng, rng.randint(1, 4), stubs=seed % 4 == 0)
-        experience = forget_stars(drive)
-        if seed % 3 == 0:  # poorer views, and turns of which nothing is known
-            views = tuple(view[:2] for view in experience.views)
-            actions = tuple(
-                "turn" if a.startswith("turn") and rng.random() < 0.5 else a
-                for a in experience.actions
-            )
-            experience = BasicExperience(views[:7], actions[:6])
-        order = seed % 5 != 0
-        maps, complete = enumerate_basic_maps(experience, order=order)
-        assert complete
-        expected = {p for p in partitions(experience.views) if holds(experience, p, order=order)}
-        assert set(maps) == expected, f"seed {seed}"
+    assert [seed for seed in range(chunk * 15, chunk * 15 + 15) if differs(seed)] == []
 
 
 def test_stars_spare_hypotheses():

@@ -19,10 +19,14 @@ from hssh_kb.maps import enumerate_maps, minimal_maps
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "axioms"))
 
 import brute_force
+import test_basic
+import test_why_not
 import worlds
 
 WORLDS = 500
 WHY_NOTS = 40
+BASIC_WALKS = 200
+CONTRADICTIONS = 200
 
 
 def measure(task: Callable[[], Any], repeat: int = 5) -> tuple[float, Any]:
@@ -37,7 +41,14 @@ def measure(task: Callable[[], Any], repeat: int = 5) -> tuple[float, Any]:
 
 def run() -> bool:
     """Print both tables; return whether all figures are reached."""
-    good = [check_exactness(), check_speed(), check_best(), check_why_not()]
+    good = [
+        check_exactness(),
+        check_basic(),
+        check_conflicts(),
+        check_speed(),
+        check_best(),
+        check_why_not(),
+    ]
     return all(good)
 
 
@@ -67,6 +78,27 @@ def check_exactness() -> bool:
             wrong += {(h.visits, h.offsets) for h in best.maps} != {m[:2] for m in ties}
     print(f"{WORLDS} random worlds, {total} maps: {wrong} differ from brute force (must: 0)")
     return wrong == 0
+
+
+def check_basic() -> bool:
+    """Compare the maps of the basic SSH with brute force."""
+    wrong = [seed for seed in range(BASIC_WALKS) if test_basic.differs(seed)]
+    print(f"{BASIC_WALKS} walks in the basic SSH: {len(wrong)} differ from brute force (must: 0)")
+    return not wrong
+
+
+def check_conflicts() -> bool:
+    """Compare all minimal conflicts and repairs of random assumptions with brute force."""
+    answers = []
+    seed = 0
+    while answers.count(True) < CONTRADICTIONS and False not in answers:
+        answers.append(test_why_not.compare(seed))
+        seed += 1
+    print(
+        f"{answers.count(True)} contradictory assumptions: {answers.count(False)} differ from "
+        "brute force in conflicts or repairs (must: 0)"
+    )
+    return False not in answers
 
 
 def check_speed() -> bool:
