@@ -11,7 +11,8 @@ def document_exploration(found: Exploration) -> dict[str, Any]:
     """Return an exploration as plain data, ready for JSON.
 
     Bits and lengths are rounded; ``at``, ``place`` and ``route`` are labels of the places of map
-    ``map``, ``dlp`` is an index into the star of the place.
+    ``map``, ``dlp`` and ``facing`` are indices into the star of the place, and a turn says how many
+    dlps clockwise of the one faced the robot leaves by.
     """
     return {
         "schema": "hssh.explore/1",
@@ -42,11 +43,13 @@ def _document_suggestion(found: Exploration, one: Suggestion) -> dict[str, Any]:
         "name": place.name,
         "dlp": walk.dlp,
         "facing": walk.facing,
+        "turn": walk.turns[-1],
         "direction": str(place.star.dlps[walk.dlp])[:-1],
         "text": one.text,
         "route": {
             "places": [found.at, *(edge.goal for edge in walk.way)],
             "dlps": [edge.dlp for edge in walk.way],
+            "turns": list(walk.turns[:-1]),
             "text": one.route_text or None,
         },
         "leads_to": None if walk.edge is None else walk.edge.goal,

@@ -147,7 +147,7 @@ def weigh_doubt(joint: Array) -> float:
     (1.0, 0.0)
     """
     some = joint[joint > 0]
-    return float(max(-np.sum(some * np.log2(some / some.sum())), 0.0)) if some.size else 0.0
+    return max(0.0, -float(np.sum(some * np.log2(some / some.sum())))) if some.size else 0.0
 
 
 class Foresight:

@@ -25,6 +25,8 @@ class Walk:
     dlp : index of the dlp to leave by.
     way : the edges to the place; empty if the robot is there.
     edge : the edge of the last travel, maybe a doubted one; None if the way is unexplored.
+    turns : how many dlps clockwise of the one faced the robot leaves by, at each place from where
+        it is now to ``place``; what it does whichever map is true.
     way_length, length : of the way, and with the last travel, in metres or travels; an unexplored
         way is taken to be as long as edges are on average.
     gain_bits : expected loss of entropy over the whole walk.
@@ -38,6 +40,7 @@ class Walk:
     dlp: int
     way: tuple[Edge, ...]
     edge: Edge | None
+    turns: tuple[int, ...]
     way_length: float
     length: float
     gain_bits: float
@@ -59,10 +62,11 @@ class Walk:
 
 @dataclass(frozen=True)
 class _Reach:
-    """How a place is reached: doubted stretches and length, edges, the dlp faced."""
+    """How a place is reached: doubted stretches and length, edges, turns, the dlp faced."""
 
     cost: tuple[int, float]
     way: tuple[Edge, ...]
+    turns: tuple[int, ...]
     facing: int
 
 
@@ -93,12 +97,13 @@ def list_walks(graph: PlaceGraph, foresight: Foresight) -> list[Walk]:
         belief = start
         if reach.way:
             edge = reach.way[-1]
-            belief = _arrive(graph, foresight, beliefs[edge.start], reaches[edge.start], edge)
+            belief = _arrive(foresight, beliefs[edge.start], reach.turns[-1], edge)
         beliefs[label] = belief
         star = graph.places[label].star
         for dlp in (k for k in range(len(star)) if star.alpha[k]):
             last = graph.edge_at.get((label, dlp)) or known.edge_at.get((label, dlp))
-            forecast = foresight.step(belief, (dlp - reach.facing) % len(star))
+            turn = (dlp - reach.facing) % len(star)
+            forecast = foresight.step(belief, turn)
             walks.append(
                 Walk(
                     label,
@@ -106,6 +111,7 @@ def list_walks(graph: PlaceGraph, foresight: Foresight) -> list[Walk]:
                     dlp,
                     reach.way,
                     last,
+                    (*reach.turns, turn),
                     reach.cost[1],
                     reach.cost[1] + ruler.measure(last),
                     start.entropy_bits - forecast.entropy_bits,
@@ -136,12 +142,9 @@ class Ruler:
         return self.typical_m if edge is None or not edge.length_m else edge.length_m
 
 
-def _arrive(
-    graph: PlaceGraph, foresight: Foresight, before: Belief, reach: _Reach, edge: Edge
-) -> Belief:
+def _arrive(foresight: Foresight, before: Belief, turn: int, edge: Edge) -> Belief:
     """Return the belief at the far end of an edge on the way."""
-    size = len(graph.places[edge.start].star)
-    onward = foresight.step(before, (edge.dlp - reach.facing) % size).onward
+    onward = foresight.step(before, turn).onward
     if onward is not None:
         return onward
     # A doubted stretch tells nothing for sure, but leads on if all goes as it did before.
@@ -157,7 +160,7 @@ def _reach_places(graph: PlaceGraph, start: str, facing: int, ruler: Ruler) -> d
     for edge in graph.edges:
         leaving.setdefault(edge.start, []).append(edge)
     serial = 0
-    queue = [((0, 0.0), 0, start, _Reach((0, 0.0), (), facing))]
+    queue = [((0, 0.0), 0, start, _Reach((0, 0.0), (), (), facing))]
     while queue:
         cost, _, label, reach = heapq.heappop(queue)
         if label in done:
@@ -167,7 +170,8 @@ def _reach_places(graph: PlaceGraph, start: str, facing: int, ruler: Ruler) -> d
             if edge.goal not in done:
                 serial += 1
                 on = cost[0] + edge.doubted, cost[1] + ruler.measure(edge)
-                entry = _Reach(on, (*reach.way, edge), edge.arrive)
+                turn = (edge.dlp - reach.facing) % len(graph.places[label].star)
+                entry = _Reach(on, (*reach.way, edge), (*reach.turns, turn), edge.arrive)
                 heapq.heappush(queue, (on, serial, edge.goal, entry))
     return done
 
