@@ -10,13 +10,12 @@ import time
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
-from math import prod
 from typing import Generic, TypeVar
 
 L = TypeVar("L", bound=Hashable)
 
 
-_DUAL_LIMIT = 20_000
+_DUAL_LIMIT = 2_000
 
 
 class OutOfTimeError(Exception):
@@ -128,18 +127,27 @@ def find_conflicts(
 
 def _complete_conflicts(out: Conflicts[L], rank: dict[L, int]) -> None:
     """Find the conflicts that were not needed: all are the minimal hitting sets of all repairs."""
-    if prod(len(repair) for repair in out.repairs) <= _DUAL_LIMIT:
-        out.conflicts = list(_hitting_sets(out.repairs, rank))
-    else:
+    try:
+        out.conflicts = list(_hitting_sets(out.repairs, rank, _DUAL_LIMIT))
+    except OverflowError:
         out.complete = False
 
 
-def _hitting_sets(conflicts: Sequence[frozenset[L]], rank: dict[L, int]) -> Iterator[frozenset[L]]:
-    """Yield the minimal hitting sets of the conflicts, smallest first."""
+def _hitting_sets(
+    conflicts: Sequence[frozenset[L]], rank: dict[L, int], most: int | None = None
+) -> Iterator[frozenset[L]]:
+    """Yield the minimal hitting sets of the conflicts, smallest first.
+
+    Raises
+    ------
+    OverflowError : there are more than ``most`` on the way.
+    """
     sets: list[frozenset[L]] = [frozenset()]
     for conflict in conflicts:
         hit = [s for s in sets if s & conflict]
         grown = {s | {literal} for s in sets if not s & conflict for literal in conflict}
         kept = [s for s in grown if not any(other <= s for other in hit)]
         sets = hit + kept
+        if most is not None and len(sets) > most:
+            raise OverflowError
     yield from sorted(sets, key=lambda s: (len(s), sorted(rank[x] for x in chain(s))))
