@@ -87,10 +87,44 @@ def _leaf_to_drop(skeleton: Skeleton, region: Region, min_depth_px: float) -> Br
 
 def _depth(branch: Branch, base: Node, exit_: Exit) -> float:
     """Return how far one sees beyond the disc of a junction through the exit of a branch."""
-    reach = 0.0
-    for points in (branch.points_px, exit_.cells.astype(float)):
-        reach = max(reach, float(np.hypot(*(points - base.point_px).T).max()))
-    return reach + 0.5 - base.radius_px
+    return max(
+        _reach_beyond(base, branch.points_px), _reach_beyond(base, exit_.cells.astype(float))
+    )
+
+
+def _reach_beyond(base: Node, points: Array) -> float:
+    """Return how far the farthest of some points lies beyond the disc of a node."""
+    return float(np.hypot(*(points - base.point_px).T).max()) + 0.5 - base.radius_px
+
+
+def find_side_gaps(skeleton: Skeleton, region: Region, *, min_depth_px: float) -> list[int]:
+    """Return the exits that are gaps in the wall along a path, not ends of it.
+
+    Such an exit is narrower than the path it opens from, and one does not see ``min_depth_px``
+    beyond the path's edge through it. At the border of the grid one cannot know.
+
+    Source
+    ------
+    Ours.
+    """
+    degree, found = skeleton.degree(), []
+    for branch in skeleton.branches:
+        for node, outward in ((branch.head, 1), (branch.tail, -1)):
+            number = skeleton.nodes[node].exit
+            if degree[node] != 1 or number is None:
+                continue
+            radius, points = branch.radius_px[::-outward], branch.points_px[::-outward]
+            gap = np.hypot(*(points - points[0]).T)
+            window = radius[gap <= 3.0 * float(np.median(radius))]
+            middle = int(np.argmax(window >= 0.95 * window.max()))
+            base = Node((float(points[middle, 0]), float(points[middle, 1])), float(radius[middle]))
+            exit_ = region.exits[number]
+            if exit_.at_border:
+                continue
+            reach = _reach_beyond(base, exit_.cells.astype(float))
+            if exit_.width_px < 1.4 * base.radius_px and reach < min_depth_px:
+                found.append(number)
+    return sorted(set(found))
 
 
 def _drop_small_loops(skeleton: Skeleton, size: int = 12) -> None:

@@ -31,11 +31,13 @@ class Exit:
     centre_px : (x, y) of the middle of the stretch.
     width_px : its width between the walls, the robot's own radius given back on both sides.
     cells : (n, 2) columns and rows of its cells, in order.
+    at_border : whether it touches the border of the grid.
     """
 
     centre_px: tuple[float, float]
     width_px: float
     cells: Index
+    at_border: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +103,16 @@ def find_region(
     return _cut_contours(contours, inside, start, frontier, bled, min_frontier_px)
 
 
+def close_exits(region: Region, numbers: list[int]) -> Region:
+    """Return the region with some of its exits taken for walls."""
+    frontier = region.exit_of_cell > 0
+    for number in numbers:
+        cells = region.exits[number].cells
+        frontier[cells[:, 1], cells[:, 0]] = False
+    contours = _find_contours(region.inside, 0.0)
+    return _cut_contours(contours, region.inside, region.start, frontier, region.radius_px, 0.0)
+
+
 def _clean(
     cells: Cells, radius_px: float, min_frontier_px: float, island_px: float
 ) -> tuple[Mask, Mask]:
@@ -114,8 +126,8 @@ def _clean(
         opened = cv2.morphologyEx(padded, cv2.MORPH_OPEN, np.ones((side, side), np.uint8))
         unknown = opened[side:-side, side:-side].astype(bool)
     solid = (occupied | unknown).view(np.uint8)
-    join = max(1, round(radius_px / 2)) if _stands_free(occupied, unknown) else 0
-    grown = cv2.dilate(solid, np.ones((2 * join + 1, 2 * join + 1), np.uint8)) if join else solid
+    join = max(1, round(radius_px / 2)) if _stands_free(occupied, unknown) else 1
+    grown = cv2.dilate(solid, np.ones((2 * join + 1, 2 * join + 1), np.uint8))
     count, labels, stats, _ = cv2.connectedComponentsWithStats(grown, connectivity=8)
     if count > 1:
         height, width = solid.shape
@@ -235,7 +247,7 @@ def _cut_contours(
         for first, last in _runs(open_):
             run = cells[first:last]
             if open_[first]:
-                exits.append(_as_exit(run, radius_px))
+                exits.append(_as_exit(run, radius_px, inside.shape))
                 exit_of_cell[run[:, 1], run[:, 0]] = len(exits)
                 continue
             lone = open_.any() and len(_runs(open_)) == 2
@@ -301,6 +313,8 @@ def _extent(points: Index) -> float:
     return float(np.hypot(*(points[-1] - points[0]))) + 1.0
 
 
-def _as_exit(run: Index, radius_px: float) -> Exit:
+def _as_exit(run: Index, radius_px: float, shape: tuple[int, int]) -> Exit:
     middle = run[len(run) // 2].astype(float)
-    return Exit((float(middle[0]), float(middle[1])), _extent(run) + 2 * radius_px + 2, run)
+    at_border = bool((run == 0).any() or (run == np.array(shape)[::-1] - 1).any())
+    width = _extent(run) + 2 * radius_px + 2
+    return Exit((float(middle[0]), float(middle[1])), width, run, at_border)

@@ -16,8 +16,8 @@ from perception.errors import InputError
 from perception.gateways import Gateway, Method, find_gateway
 from perception.geometry import Array
 from perception.grid import Image, Mask, classify
-from perception.pruning import prune
-from perception.region import Region, find_region
+from perception.pruning import find_side_gaps, prune
+from perception.region import Region, close_exits, find_region
 from perception.shapes import name_shape
 from perception.skeleton import OPEN, Skeleton, build_skeleton
 from perception.star import Star
@@ -132,9 +132,7 @@ def local_topology(
         min_frontier_px=scale["frontier"],
         island_px=island_px if island_px is not None else midline,
     )
-    skeleton = prune(
-        build_skeleton(region, midline_px=midline), region, min_depth_px=scale["depth"]
-    )
+    region, skeleton = _find_skeleton(region, midline, scale["depth"])
     if not _leads_anywhere(skeleton):
         return _enclosed(region, started)
     core = find_core(skeleton, region)
@@ -152,6 +150,20 @@ def local_topology(
     gateways.sort(key=lambda g: math.atan2(g.centre_px[1] - centre[1], g.centre_px[0] - centre[0]))
     readings = read_stars(gateways, (centre[0], centre[1]), continuity=continuity)
     return _assemble(region, skeleton, core, tuple(gateways), readings, started)
+
+
+def _find_skeleton(
+    region: Region, midline_px: float, min_depth_px: float
+) -> tuple[Region, Skeleton]:
+    """Return the pruned skeleton, and the region without gaps in walls that look like exits."""
+    while True:
+        skeleton = prune(
+            build_skeleton(region, midline_px=midline_px), region, min_depth_px=min_depth_px
+        )
+        gaps = find_side_gaps(skeleton, region, min_depth_px=min_depth_px)
+        if not gaps or len(gaps) == len(region.exits):
+            return region, skeleton
+        region = close_exits(region, gaps)
 
 
 def _scale(
