@@ -11,7 +11,7 @@ Kuipers 2004 as the genus of the rotation system; the incremental forms are ours
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from hssh_kb.errors import InputError
@@ -36,6 +36,13 @@ class Refusal(NamedTuple):
     travels: tuple[int, ...]
 
 
+class _Face(NamedTuple):
+    """A face of the rotation system: the travels around it, the gateways that open into it."""
+
+    travels: tuple[int, ...]
+    gateways: frozenset[int]
+
+
 @dataclass(frozen=True, slots=True)
 class MapState:
     """What one map asserts after some visits; immutable.
@@ -58,6 +65,7 @@ class MapState:
     path: dict[int, int]
     on_path: dict[int, frozenset[int]]
     component: tuple[int, ...]
+    _faces: dict[int, _Face] = field(default_factory=dict, compare=False, repr=False)
 
     @classmethod
     def start(cls, star: Star) -> MapState:
@@ -117,9 +125,9 @@ class MapState:
             if clash is not None:
                 return Refusal("order", clash)
         if planarity and self.component[place] == self.component[other]:
-            face = self._trace_face(place, depart, other, gateway)
-            if face is not None:
-                return Refusal("planarity", face)
+            face = self._trace_face(place, depart)
+            if face is not None and end not in face.gateways:
+                return Refusal("planarity", face.travels)
         return None
 
     def join(self, place: int, depart: int, other: int, gateway: int, visit: int) -> MapState:
@@ -195,28 +203,36 @@ class MapState:
                 return after
         return -1
 
-    def _trace_face(
-        self, place: int, depart: int, other: int, gateway: int
-    ) -> tuple[int, ...] | None:
-        """Return None if both gateways open into one face, else the travels around that face."""
+    def _trace_face(self, place: int, depart: int) -> _Face | None:
+        """Return the face that a gateway not travelled yet opens into, None if it is the only one.
+
+        Traced once for all closures that are tried from one gateway.
+        """
+        start = place * _BASE + depart
+        known = self._faces.get(start)
+        if known is not None:
+            return known
         joined, stars = self.joined, self.stars
         first = self._next_joined(place, depart)
         if first < 0:
-            return None  # the place alone is its component, so the two gateways share its face
+            return None  # the place alone is its component, so all its gateways share the face
         at, out = place, first
-        travels = set()
+        travels, gateways = set(), set()
         while True:
             code = at * _BASE + out
             travels.add(self.travel[code])
             at, entered = divmod(joined[code], _BASE)
-            out = self._next_joined(at, entered)
-            if at == other:
-                size = len(stars[at])
-                span = (out - entered) % size or size
-                if 0 < (gateway - entered) % size < span:
-                    return None
+            size = len(stars[at])
+            for step in range(1, size + 1):
+                out = (entered + step) % size
+                if at * _BASE + out in joined:
+                    break
+                gateways.add(at * _BASE + out)
             if at == place and out == first:
-                return tuple(sorted(travels))
+                break
+        face = _Face(tuple(sorted(travels)), frozenset(gateways))
+        self._faces[start] = face
+        return face
 
 
 def check_star(reading: Reading) -> None:

@@ -24,6 +24,7 @@ from hssh_kb.score import TERMS, Addends, Score
 
 GATE_NATS = 14.0
 _CACHE_BYTES = 192 * 2**20
+_NOTHING = Addends(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Decision(NamedTuple):
@@ -152,7 +153,7 @@ class MapTree:
         self._shapes.append(tuple(map(self._name_shape, visit.readings)))
         if v:
             return []
-        first = Node(None, -1, Decision(-1, 0, 0, False), Addends(0, 0, 0, 0, 0, 0), 0, 0)
+        first = Node(None, -1, Decision(-1, 0, 0, False), _NOTHING, 0, 0)
         self.root = first
         first.children = {}
         first.queued = True
@@ -380,6 +381,9 @@ class MapTree:
             for offset in turns:
                 decision = Decision(place, offset, i, False)
                 refusal = self._judge(state, depart, decision, v)
+                if refusal is not None and not self.score.slip:
+                    yield Option(decision, _NOTHING, refusal)
+                    continue
                 weighed = self._weigh_closure(state, prediction, v, depart, decision)
                 yield Option(decision, weighed, refusal)
                 if self.score.slip and (refusal is not None or not lean):

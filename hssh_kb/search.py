@@ -29,6 +29,9 @@ from hssh_kb.score import Score, estimate_score
 _STUCK = 24  # expansions without getting deeper, before the depths are tried in turn
 _WINDOW = 16  # depths tried in turn at first; doubled each time that is in vain
 _SLACK_NATS = 24.0  # leaves that much below the best of their depth are not worth a turn
+_SURPRISE_NATS = 1.5  # what the favourite may pay beyond a new place before others get a turn
+_REVISED_VISITS = 20_000  # visits threaded anew for one revision at most, where travels slip
+_REVISED_FEW = 1_500  # ... where they do not, and best-first search seldom errs
 _REGRET_NATS = 8.0  # a best map this close to the highest hopes needs little doubt
 
 
@@ -98,6 +101,7 @@ class TreeOfMaps:
         self._deepest = 0
         self._stale = 0
         self._window = _WINDOW
+        self._surprise = 0.0
         self.expansions = 0
 
     @property
@@ -179,6 +183,8 @@ class TreeOfMaps:
             self._reached[depth + 1] = True
             if depth + 1 > self._deepest:
                 self._deepest, self._stale = depth + 1, 0
+                new = -math.log(self.score.area_m2)
+                self._surprise += max(new - best - _SURPRISE_NATS / 8, 0.0)
 
     def _has_rest(self, node: Node) -> bool:
         return self.score.slip > 0 or len(self._visits[node.visit + 1].readings) > 1
@@ -221,7 +227,7 @@ class TreeOfMaps:
                 if idle >= (self._count_cycles(prospect) if patience is None else patience):
                     break
                 idle = 0 if self._run_cycle(end) else idle + 1
-            elif self._stale <= _STUCK:
+            elif self._stale <= _STUCK and self._surprise < _SURPRISE_NATS:
                 self._grow_at(depth)
             elif time.monotonic() > hurry or self._is_lost():
                 self._revise(self._deepest, end)
@@ -251,6 +257,7 @@ class TreeOfMaps:
         that got deeper, or a better complete map; if not, the next cycle reaches further back.
         """
         queues, last = self._queues, len(self._visits) - 1
+        self._surprise = 0.0
         before = self._deepest, float(queues.tops[last])
         depth = max(0, self._deepest - self._window)
         while depth < min(self._deepest + 1, last) and time.monotonic() < end:
@@ -283,9 +290,12 @@ class TreeOfMaps:
     def _revise(self, depth: int, end: float, count: int = 1) -> None:
         """Revise the best maps of a depth as a whole; whatever that makes waits as a leaf."""
         partitions: set[tuple[int, ...]] = set()
+        left = count * (_REVISED_VISITS if self.score.slip else _REVISED_FEW)
 
         def is_over() -> bool:
-            return time.monotonic() >= end
+            nonlocal left
+            left -= depth
+            return time.monotonic() >= end or left < 0
 
         for node in self._queues.list_best(depth, 40 * count):
             partition = tuple(one.decision.place for one in node.chain())
