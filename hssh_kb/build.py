@@ -19,6 +19,7 @@ from hssh_kb.errors import InputError, UsageError
 from hssh_kb.experience import Experience, load_trace
 from hssh_kb.records import BuildRecord, PlaceLayout, Raster, Trajectory
 from perception.grid import Frame
+from perception.rosmap_kind import looks_like_ros_map
 
 if TYPE_CHECKING:
     from hssh_kb.kb import KnowledgeBase
@@ -46,20 +47,28 @@ def build(
     best: int = 5,
     budget_s: float = SEARCH_BUDGET_S,
     resolution_m: float = 0.1,
+    names: str | Path | None = None,
+    start_m: tuple[float, float] | None = None,
+    scan_topic: str | None = None,
+    odom_topic: str | None = None,
+    force: bool = False,
     progress: Progress | None = None,
 ) -> KnowledgeBase:
-    """Build a knowledge base from a CARMEN log or from a trace.
+    """Build a knowledge base from a CARMEN log, a ROS bag, a ROS map or a trace.
 
     Parameters
     ----------
-    input_path : a CARMEN log (plain, gz, xz or bz2) or a ``hssh.trace/1`` file; told apart by
-        content.
+    input_path : a CARMEN log (plain, gz, xz or bz2), a ROS 1 or 2 bag, the yaml file of a ROS map,
+        or a ``hssh.trace/1`` file; told apart by content.
     poses : "corrected" takes the corrected poses that some logs carry as they are; "odometry"
         takes raw odometry and matches scans; "auto" takes corrected poses where there are any.
     level : "corridor" leaves narrow openings out of the stars, "door" keeps them.
     best : how many maps are kept.
     budget_s : seconds for the search; when spent, the best maps found so far are kept.
     resolution_m : side of a cell of the global map.
+    names, start_m, force : of a ROS map only; see
+        :func:`hssh_kb.build_map.build_from_floor_map`.
+    scan_topic, odom_topic : of a bag only; see :func:`perception.bags.read_bag`.
     progress : called with (stage, done, in all).
 
     Raises
@@ -76,10 +85,14 @@ def build(
     clock = Clock()
     if _looks_like_json(path):
         return _build_from_trace(path, best, budget_s, clock)
-    from perception.carmen import read_carmen
+    if looks_like_ros_map(path):
+        from hssh_kb.build_map import build_from_floor_map
 
+        return build_from_floor_map(
+            path, names=names, start_m=start_m, force=force, progress=report, clock=clock
+        )
     with clock.stage("read"):
-        log = read_carmen(path)
+        log = _read_log(path, scan_topic, odom_topic)
     return build_from_log(
         log,
         poses=poses,
@@ -170,6 +183,15 @@ def build_from_log(
             options={"poses": poses, "level": level, "best": best, "resolution_m": resolution_m},
         ),
     )
+
+
+def _read_log(path: Path, scan_topic: str | None, odom_topic: str | None) -> ScanLog:
+    from perception.bags import looks_like_bag, read_bag
+    from perception.carmen import read_carmen
+
+    if looks_like_bag(path):
+        return read_bag(path, scan_topic=scan_topic, odom_topic=odom_topic)
+    return read_carmen(path)
 
 
 def settings_for(level: Level) -> PlaceSettings:

@@ -104,6 +104,24 @@ def _doubt_gateways(gateways: Sequence[Gateway]) -> list[tuple[list[int], float]
     return out
 
 
+def read_star(
+    gateways: Sequence[Gateway],
+    centre_px: tuple[float, float],
+    paths: Sequence[tuple[int, int]],
+    *,
+    weight: float = 1.0,
+) -> StarReading:
+    """Return the star in which given pairs of gateways are one path each.
+
+    Parameters
+    ----------
+    gateways, centre_px : as for :func:`read_stars`.
+    paths : indices of two gateways each; a gateway in none of them is the end of its path.
+    weight : what the reading shall carry.
+    """
+    return _read(gateways, centre_px, tuple(paths), weight)
+
+
 def _bend(g: Gateway, h: Gateway) -> float:
     """Return the angle between passing in through g and out through h, radians, >= 0."""
     turn = h.outward_rad - g.outward_rad - math.pi

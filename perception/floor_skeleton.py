@@ -1,0 +1,187 @@
+"""The extended Voronoi graph (EVG) of a whole floor, dead ends and rooms included.
+
+The skeleton runs between neighbouring cells whose nearest walls lie far apart along the wall, or
+on different walls; so it is one line wide, joined up by nature, and a rough wall bears no branch.
+A corner of a room bears one; such leaves are pruned by how much wall they stand for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.floor_pruning import prune_floor
+from perception.floor_space import FloorSpace, measure_wall
+from perception.geometry import Array
+from perception.grid import Mask
+from perception.region import Index
+from perception.skeleton import OPEN, Branch, Node, Skeleton
+from perception.skeleton_graph import SkeletonGraph
+
+LEAST_WALL_M = 1.0
+"""The skeleton ends where the nearest walls are closer than this along the wall."""
+
+_FREE_OF_WALLS = np.int32(-(1 << 24))
+
+
+@dataclass(frozen=True)
+class _Cracks:
+    """Edges between two cells on the two sides of the skeleton."""
+
+    corners: Index
+    points: Array
+    radius: Array
+    walls: Index
+    second_on_left: Mask
+
+
+def build_floor_skeleton(space: FloorSpace, *, midline_m: float, robot_radius_m: float) -> Skeleton:
+    """Build the skeleton of a floor, pruned to what leads somewhere.
+
+    Parameters
+    ----------
+    midline_m : M; further than this from every wall the skeleton follows the walls at M.
+    robot_radius_m : the skeleton stays at least so far from walls.
+
+    Source
+    ------
+    Beeson 2008, 6.1.1 for what an EVG is; the residual along the wall after Ogniewicz and Kuebler
+    1995; the construction between cells and the pruning rule are ours.
+    """
+    cracks = _find_cracks(space, midline_m / space.resolution_m, robot_radius_m)
+    graph = SkeletonGraph(_trace(cracks, space.region.inside.shape[1]))
+    graph.keep_largest()
+    graph.drop_tiny_loops()
+    prune_floor(graph, space, robot_radius_m=robot_radius_m)
+    return graph.to_skeleton()
+
+
+def _find_cracks(space: FloorSpace, midline_px: float, robot_radius_m: float) -> _Cracks:
+    region, resolution = space.region, space.resolution_m
+    side, nearest, distance = _find_sides(space, midline_px)
+    wide = (distance >= robot_radius_m / resolution - 0.5) & region.inside
+    height, width = side.shape
+    least = LEAST_WALL_M / resolution
+    parts = []
+    for down in (0, 1):
+        a = (slice(0, height - down), slice(0, width - 1 + down))
+        b = (slice(down, None), slice(1 - down, None))
+        apart = cv2.absdiff(side[a], side[b]) > least
+        apart &= wide[a]
+        apart &= wide[b]
+        y, x = np.nonzero(apart)
+        cell_a, cell_b = np.stack([x, y], 1), np.stack([x + 1 - down, y + down], 1)
+        corner = np.stack([x + 1 - down, y + down], 1)
+        other = corner + np.array([down, 1 - down])
+        corners = np.stack([c[:, 1] * (width + 1) + c[:, 0] for c in (corner, other)], 1)
+        parts.append((corners, cell_a, cell_b, not down))
+    corners, cell_a, cell_b = (np.concatenate([part[k] for part in parts]) for k in range(3))
+    second_left = np.concatenate([np.full(len(part[0]), part[3]) for part in parts])
+    wall_a = nearest[cell_a[:, 1], cell_a[:, 0]].astype(np.int64)
+    wall_b = nearest[cell_b[:, 1], cell_b[:, 0]].astype(np.int64)
+    open_a = side[cell_a[:, 1], cell_a[:, 0]] <= _FREE_OF_WALLS
+    open_b = side[cell_b[:, 1], cell_b[:, 0]] <= _FREE_OF_WALLS
+    keep = open_a | open_b | (measure_wall(space, wall_a, wall_b) > least)
+    corners, cell_a, cell_b = corners[keep], cell_a[keep], cell_b[keep]
+    wall_a, wall_b, open_a, open_b = wall_a[keep], wall_b[keep], open_a[keep], open_b[keep]
+    share = _share(region.walls, cell_a, cell_b, wall_a, wall_b)
+    points = cell_a + np.where(open_a | open_b, 0.5, share)[:, None] * (cell_b - cell_a)
+    wall = np.where(open_a, wall_b, wall_a)
+    radius = np.hypot(*(points - region.walls[wall]).T) + 0.5
+    walls = np.stack([np.where(open_a, OPEN, wall_a), np.where(open_b, OPEN, wall_b)], 1)
+    return _Cracks(corners, points, radius, walls, second_left[keep])
+
+
+def _find_sides(
+    space: FloorSpace, midline_px: float
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float32]]:
+    """Return for each cell the position of its nearest wall cell, its index, the distance."""
+    region = space.region
+    source = np.ones(region.inside.shape, np.uint8)
+    source[region.walls[:, 1], region.walls[:, 0]] = 0
+    transform = cv2.distanceTransformWithLabels(
+        source, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    distance = np.asarray(transform[0], np.float32)
+    labels = np.asarray(transform[1], np.int32)
+    own = labels[region.walls[:, 1], region.walls[:, 0]]
+    to_wall = np.zeros(int(own.max()) + 1, np.int32)
+    to_wall[own] = np.arange(len(own))
+    nearest = np.take(to_wall, labels)
+    side = np.take(space.position, nearest)
+    open_ = ((distance >= midline_px - 0.5) & region.inside).view(np.uint8)
+    if open_.any():
+        count, *found = cv2.connectedComponentsWithStats(open_, connectivity=4)
+        parts, stats = np.asarray(found[0], np.int32), np.asarray(found[1], np.int32)
+        deepest = np.zeros(count, np.float32)
+        np.maximum.at(deepest, parts[open_ > 0], distance[open_ > 0])
+        for k in np.flatnonzero(deepest >= 1.3 * midline_px):
+            if k == 0:
+                continue
+            x, y, w, h = stats[k, :4]
+            window = (slice(y, y + h), slice(x, x + w))
+            side[window][parts[window] == k] = _FREE_OF_WALLS * np.int32(k)
+    return side, nearest, distance
+
+
+def _share(walls: Index, cell_a: Index, cell_b: Index, wall_a: Index, wall_b: Index) -> Array:
+    """Return where between two cells both walls are equally far, as a share of the way."""
+    step = (cell_b - cell_a).astype(float)
+    to_a = (cell_a - walls[wall_a]).astype(float)
+    to_b = (cell_a - walls[wall_b]).astype(float)
+    slope = 2 * np.sum(step * (to_a - to_b), axis=1)
+    gap = np.sum(to_b**2, axis=1) - np.sum(to_a**2, axis=1)
+    share = np.where(np.abs(slope) > 1e-9, gap / np.where(slope == 0, 1, slope), 0.5)
+    return np.asarray(np.clip(share, 0.0, 1.0))
+
+
+def _trace(cracks: _Cracks, width: int) -> Skeleton:
+    """Join cracks into branches between nodes."""
+    ends = cracks.corners.ravel()
+    order = np.argsort(ends, kind="stable")
+    corner, first, count = np.unique(ends[order], return_index=True, return_counts=True)
+    beyond = np.full(len(ends), -1, np.int64)
+    pairs = first[count == 2]
+    one, two = order[pairs], order[pairs + 1]
+    beyond[one], beyond[two] = two, one
+    at_node = np.repeat(count != 2, count)
+    node_of_end = np.full(len(ends), -1, np.int64)
+    node_of_end[order[at_node]] = np.repeat(corner, count)[at_node]
+    following, nodes = beyond.tolist(), node_of_end.tolist()
+    seen = bytearray(len(cracks.corners))
+    skeleton = Skeleton()
+    starts = np.flatnonzero(node_of_end >= 0).tolist()
+    for start in [*starts, *range(0, len(nodes), 2)]:
+        if seen[start >> 1]:
+            continue
+        path, end = [], start
+        while True:
+            path.append(end)
+            seen[end >> 1] = 1
+            last = end ^ 1
+            end = following[last]
+            if end < 0 or end >> 1 == start >> 1:
+                break
+        tail, head = nodes[start], nodes[last]
+        if tail < 0:
+            tail = head = int(ends[start])
+        skeleton.branches.append(_as_branch(cracks, np.array(path), tail, head))
+        for node, k in ((tail, 0), (head, -1)):
+            if node not in skeleton.nodes:
+                y, x = divmod(node, width + 1)
+                radius = float(skeleton.branches[-1].radius_px[k])
+                skeleton.nodes[node] = Node((x - 0.5, y - 0.5), radius)
+    return skeleton
+
+
+def _as_branch(cracks: _Cracks, path: Index, tail: int, head: int) -> Branch:
+    """Return the branch that a list of crack ends (2 x crack + end entered by) describes."""
+    crack, entered = path >> 1, path & 1
+    swap = cracks.second_on_left[crack] == (entered == 0)
+    walls = cracks.walls[crack]
+    left = np.where(swap, walls[:, 1], walls[:, 0])
+    right = np.where(swap, walls[:, 0], walls[:, 1])
+    return Branch(tail, head, cracks.points[crack], cracks.radius[crack], left, right)

@@ -1,0 +1,180 @@
+"""A skeleton that can be changed: branches removed, cut short and split, chains staying joined."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+import numpy as np
+
+from perception.skeleton import Branch, Node, Skeleton
+
+_TINY = 8
+
+
+class SkeletonGraph:
+    """The branches of a skeleton by number, and which of them meet at each node.
+
+    A number is never used twice; the branch made of two has a new one, and their tags.
+
+    Attributes
+    ----------
+    nodes, branches : by number.
+    at : numbers of the branches that end at a node; a loop counts once.
+    tags : anything noted on a branch.
+    """
+
+    def __init__(self, skeleton: Skeleton) -> None:
+        self.nodes: dict[int, Node] = dict(skeleton.nodes)
+        self.branches: dict[int, Branch] = dict(enumerate(skeleton.branches))
+        self.at: dict[int, set[int]] = defaultdict(set)
+        self.tags: dict[int, set[int]] = defaultdict(set)
+        for k, branch in self.branches.items():
+            self.at[branch.tail].add(k)
+            self.at[branch.head].add(k)
+        self._fresh = len(self.branches)
+
+    def to_skeleton(self) -> Skeleton:
+        """Return what is left."""
+        kept = list(self.branches.values())
+        return Skeleton({n: self.nodes[n] for b in kept for n in (b.tail, b.head)}, kept)
+
+    def degree(self, node: int) -> int:
+        """Return how many branch ends a node has."""
+        loops = sum(self.branches[k].tail == self.branches[k].head for k in self.at[node])
+        return len(self.at[node]) + loops
+
+    def is_leaf(self, k: int) -> bool:
+        """Tell whether a branch has one end where nothing else ends."""
+        branch = self.branches[k]
+        tail, head = self.degree(branch.tail), self.degree(branch.head)
+        return branch.tail != branch.head and (tail > 1) != (head > 1)
+
+    def orient_leaf(self, k: int) -> Branch:
+        """Return a leaf from its base outward."""
+        branch = self.branches[k]
+        return branch if self.degree(branch.tail) > 1 else branch.reversed()
+
+    def shorten_leaf(self, k: int, keep: int) -> None:
+        """Keep the first points of a leaf only, from its base."""
+        outward = self.orient_leaf(k)
+        x, y = outward.points_px[keep - 1].tolist()
+        self.nodes[outward.head] = Node((x, y), float(outward.radius_px[keep - 1]))
+        self.branches[k] = outward.part(0, keep, outward.tail, outward.head)
+
+    def remove(self, k: int) -> list[int]:
+        """Remove a branch; return the numbers of the branches joined for want of it."""
+        branch = self.branches.pop(k)
+        self.tags.pop(k, None)
+        joined = []
+        for node in {branch.tail, branch.head}:
+            self.at[node].discard(k)
+        for node in {branch.tail, branch.head}:
+            made = self.join_at(node)
+            if made is not None:
+                joined.append(made)
+        return [k for k in joined if k in self.branches]
+
+    def join_at(self, node: int) -> int | None:
+        """Join the two branches that end at a node; None if there are not two."""
+        rest = sorted(self.at[node])
+        if len(rest) != 2 or self.degree(node) != 2:
+            return None
+        one, two = self.branches.pop(rest[0]), self.branches.pop(rest[1])
+        one = one if one.head == node else one.reversed()
+        two = two if two.tail == node else two.reversed()
+        joined = concatenate(one, two)
+        fresh = self._add(joined)
+        self.at.pop(node)
+        for end in (joined.tail, joined.head):
+            self.at[end] -= set(rest)
+        self.tags[fresh] = self.tags.pop(rest[0], set()) | self.tags.pop(rest[1], set())
+        return fresh
+
+    def split(self, k: int, i: int) -> tuple[int, int, int]:
+        """Split a branch at one of its points; return the node there and the two new branches.
+
+        Tags are not carried over.
+        """
+        branch = self.branches.pop(k)
+        for end in {branch.tail, branch.head}:
+            self.at[end].discard(k)
+        node = 1 + max(self.nodes)
+        x, y = branch.points_px[i].tolist()
+        self.nodes[node] = Node((x, y), float(branch.radius_px[i]))
+        size = len(branch.points_px)
+        one = self._add(branch.part(0, i + 1, branch.tail, node))
+        two = self._add(branch.part(i, size, node, branch.head))
+        return node, one, two
+
+    def _add(self, branch: Branch) -> int:
+        fresh = self._fresh
+        self._fresh += 1
+        self.branches[fresh] = branch
+        self.at[branch.tail].add(fresh)
+        self.at[branch.head].add(fresh)
+        return fresh
+
+    def keep_largest(self) -> None:
+        """Remove all but the connected part with the most points."""
+        part: dict[int, int] = {}
+        size: dict[int, int] = defaultdict(int)
+        for node in list(self.nodes):
+            stack = [node] if node not in part else []
+            while stack:
+                here = stack.pop()
+                if here in part:
+                    continue
+                part[here] = node
+                for k in self.at[here]:
+                    stack += [self.branches[k].tail, self.branches[k].head]
+        for branch in self.branches.values():
+            size[part[branch.tail]] += len(branch.points_px)
+        best = max(size, key=lambda root: size[root], default=0)
+        for k in [k for k, b in self.branches.items() if part[b.tail] != best]:
+            branch = self.branches.pop(k)
+            self.at[branch.tail].discard(k)
+            self.at[branch.head].discard(k)
+
+    def drop_tiny_loops(self) -> None:
+        """Remove loops, and second links, too short to go around anything; join the chains."""
+        linked = set[tuple[int, int]]()
+        for k in sorted(self.branches, key=lambda k: len(self.branches[k].points_px)):
+            branch = self.branches[k]
+            if len(branch.points_px) >= _TINY:
+                break
+            link = (min(branch.tail, branch.head), max(branch.tail, branch.head))
+            if branch.tail == branch.head or link in linked:
+                self.branches.pop(k)
+                for node in link:
+                    self.at[node].discard(k)
+            linked.add(link)
+        for node in list(self.at):
+            self.join_at(node)
+
+    def are_linked(self, start: int, goal: int, without: int) -> bool:
+        """Tell whether a way leads from node to node that does not pass one branch."""
+        seen, stack = {start}, [start]
+        while stack:
+            node = stack.pop()
+            if node == goal:
+                return True
+            for k in self.at[node]:
+                if k == without:
+                    continue
+                for other in (self.branches[k].tail, self.branches[k].head):
+                    if other not in seen:
+                        seen.add(other)
+                        stack.append(other)
+        return False
+
+
+def concatenate(one: Branch, two: Branch) -> Branch:
+    """Return two branches, the second going on where the first ends, as one."""
+    return Branch(
+        one.tail,
+        two.head,
+        np.concatenate([one.points_px, two.points_px]),
+        np.concatenate([one.radius_px, two.radius_px]),
+        np.concatenate([one.left, two.left]),
+        np.concatenate([one.right, two.right]),
+    )
