@@ -7,6 +7,7 @@ finding its line and its outward direction, by a straight fit to the sub-cell sk
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -185,14 +186,20 @@ def _fit_line(points: Array) -> _Line | None:
     """Fit a line to points in order; None for fewer than three."""
     if len(points) < 3:
         return None
-    centred = points - points.mean(axis=0)
-    values, vectors = np.linalg.eigh(centred.T @ centred)
-    heading = vectors[:, 1]
-    if heading @ (points[-1] - points[0]) < 0:
-        heading = -heading
-    residual = math.sqrt(max(float(values[0]), 0.0) / len(points))
-    length = abs(float(heading @ (points[-1] - points[0])))
-    return _Line(math.atan2(heading[1], heading[0]), residual, length)
+    step = points[-1] - points[0]
+    heading, residual = _find_axis(points - points.sum(axis=0) / len(points), step)
+    length = abs(float(step[0]) * math.cos(heading) + float(step[1]) * math.sin(heading))
+    return _Line(heading, residual, length)
+
+
+def _find_axis(centred: Array, step: Array) -> tuple[float, float]:
+    """Return the main axis of centred points, turned to go with a step, and their rms off it."""
+    (xx, xy), (_, yy) = (centred.T @ centred).tolist()
+    heading = 0.5 * math.atan2(2 * xy, xx - yy)
+    least = 0.5 * (xx + yy) - math.hypot(0.5 * (xx - yy), xy)
+    if float(step[0]) * math.cos(heading) + float(step[1]) * math.sin(heading) < 0:
+        heading = math.remainder(heading + math.pi, 2 * math.pi)
+    return heading, math.sqrt(max(least, 0.0) / len(centred))
 
 
 def _fit_direction(branch: Branch, region: Region, place: int) -> _Line:
@@ -212,17 +219,22 @@ def _fit_direction(branch: Branch, region: Region, place: int) -> _Line:
     vague = np.flatnonzero(~firm[place:last])
     sure = place + int(vague[0]) if len(vague) else last
     short = max(2.0 * radius - float(gap[last - 1]), 0.0) if len(vague) else 0.0
-    lines = [
-        _fit_walls(branch, region, (place, last), radius, short),
-        _fit_line(points[place:sure]),
-        _fit_walls(branch, region, (first, max(last, place + 1)), radius, short),
-        _fit_line(points[first : max(sure, place + 1)]),
-        _fit_line(points[first : place + 1]),
-    ]
-    found = [line for line in lines if line is not None]
-    for line in found:
+    around = (first, max(last, place + 1))
+    fits: tuple[Callable[[], _Line | None], ...] = (
+        lambda: _fit_walls(branch, region, (place, last), radius, short),
+        lambda: _fit_line(points[place:sure]),
+        lambda: _fit_walls(branch, region, around, radius, short),
+        lambda: _fit_line(points[first : max(sure, place + 1)]),
+        lambda: _fit_line(points[first : place + 1]),
+    )
+    found: list[_Line] = []
+    for fit in fits:
+        line = fit()
+        if line is None:
+            continue
         if line.is_straight and line.length_px >= 0.8 * radius:
             return line
+        found.append(line)
     if found:
         return min(found, key=lambda line: (line.residual_px + 0.5) / max(line.length_px, 1.0))
     step = points[-1] - points[0]
@@ -250,16 +262,12 @@ def _fit_walls(
         centred.append(wall - wall.mean(axis=0))
     if not centred:
         return None
-    pooled = np.concatenate(centred)
-    values, vectors = np.linalg.eigh(pooled.T @ pooled)
-    heading = vectors[:, 1]
-    if heading @ step < 0:
-        heading = -heading
-    reach = max(float(np.ptp(wall @ heading)) for wall in centred)
-    residual = math.sqrt(max(float(values[0]), 0.0) / len(pooled))
+    heading, residual = _find_axis(np.concatenate(centred), step)
+    axis = np.array([math.cos(heading), math.sin(heading)])
+    reach = max(float(np.ptp(wall @ axis)) for wall in centred)
     if reach < 0.8 * radius_px:
         return None
-    return _Line(math.atan2(heading[1], heading[0]), residual, reach)
+    return _Line(heading, residual, reach)
 
 
 def _see_wall(side: Index, region: Region, extend: int) -> Index:

@@ -136,6 +136,17 @@ def local_topology(
     if not _leads_anywhere(skeleton):
         return _enclosed(region, started)
     core = find_core(skeleton, region)
+    gateways = _find_gateways(core, region, method, scale)
+    middle = core.base_px.mean(axis=0)
+    readings = read_stars(gateways, (float(middle[0]), float(middle[1])), continuity=continuity)
+    return _assemble(region, skeleton, core, gateways, readings, started)
+
+
+def _find_gateways(
+    core: Core, region: Region, method: Method, scale: dict[str, float]
+) -> tuple[Gateway, ...]:
+    """Return the gateways on the arms of a core, clockwise about it."""
+    x, y = core.base_px.mean(axis=0)
     gateways = [
         find_gateway(
             arm,
@@ -146,10 +157,7 @@ def local_topology(
         )
         for arm in core.arms
     ]
-    centre = tuple(core.base_px.mean(axis=0).tolist())
-    gateways.sort(key=lambda g: math.atan2(g.centre_px[1] - centre[1], g.centre_px[0] - centre[0]))
-    readings = read_stars(gateways, (centre[0], centre[1]), continuity=continuity)
-    return _assemble(region, skeleton, core, tuple(gateways), readings, started)
+    return tuple(sorted(gateways, key=lambda g: math.atan2(g.centre_px[1] - y, g.centre_px[0] - x)))
 
 
 def _find_skeleton(
