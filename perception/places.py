@@ -28,6 +28,9 @@ __all__ = ["PlaceReading", "PlaceSettings", "PlaceVisit", "detect_places"]
 REVIEW_STEP_M, REVIEW_MAX_M = 1.0, 4.5
 """A place is looked back at once a metre, until one is so far from its centre."""
 
+NESTED_M = 3.0
+"""A place passed wholly within the passage of another, not farther from it, is a part of it."""
+
 LOOKED_AROUND_RAD = 5.5
 """A robot that has seen so much of its surroundings has looked around."""
 
@@ -61,6 +64,7 @@ class _Candidate:
 
     sightings: list[Sighting] = field(default_factory=list)
     reviews: list[Sighting] = field(default_factory=list)
+    denials: int = 0
     tile: Image | None = None
     tile_frame: Frame | None = None
     tile_distance_m: float = np.inf
@@ -76,12 +80,15 @@ class _Candidate:
         self.reviewed_m = away
         pose = poses[scan].copy()
         sighting = read_topology(scan, pose, local, settings, at_m=self.centre_m)
-        if sighting is not None and np.hypot(*(sighting.centre_m - self.centre_m)) < 2.0:
+        if sighting is None:
+            self.denials += 1
+        elif np.hypot(*(sighting.centre_m - self.centre_m)) < 2.0:
             self.reviews.append(sighting)
 
-    @property
-    def confirmations(self) -> int:
-        return len(self.sightings) + len(self.reviews)
+    def is_confirmed(self, settings: PlaceSettings) -> bool:
+        """Tell whether enough readings speak of a place here, and most of those taken here do."""
+        speaking = len(self.sightings) + len(self.reviews)
+        return speaking >= settings.confirmations and speaking >= self.denials
 
     @property
     def centre_m(self) -> Array:
@@ -121,11 +128,13 @@ def detect_places(
         for candidate in list(open_):
             away = float(np.hypot(*(poses[scan, :2] - candidate.centre_m)))
             candidate.review(scan, away, poses, local, settings)
+            if sighting is None and away < max(candidate.radius_m, 1.0):
+                candidate.denials += 1
             if away > candidate.radius_m + 2.0 + settings.same_place_m:
                 open_.remove(candidate)
                 done.append(candidate)
     done += open_
-    confirmed = [c for c in done if c.confirmations >= settings.confirmations]
+    confirmed = [c for c in done if c.is_confirmed(settings)]
     passages = _merge_returns([_passage(c, poses) for c in confirmed], poses, settings)
     field_rad = float(np.ptp(log.angles_rad))
     visits = (_commit(p, poses, settings, field_rad) for p in passages)
@@ -189,13 +198,14 @@ def _merge_returns(
         )
         best = min((before.candidate, passage.candidate), key=lambda c: c.tile_distance_m)
         both.tile, both.tile_frame = best.tile, best.tile_frame
+        main = max(before, passage, key=lambda p: len(p.candidate.sightings))
         out[-1] = _Passage(
             both,
-            before.centre_m,
-            before.radius_m,
-            before.first,
+            main.centre_m,
+            main.radius_m,
+            min(before.first, passage.first),
             max(before.last, passage.last),
-            before.nearest,
+            main.nearest,
         )
     return out
 
@@ -204,6 +214,9 @@ def _is_return(a: _Passage, b: _Passage, poses: Array, settings: PlaceSettings) 
     between = poses[a.nearest : b.nearest + 1, :2]
     driven = float(np.hypot(*np.diff(between, axis=0).T).sum()) if len(between) > 1 else 0.0
     apart = float(np.hypot(*(a.centre_m - b.centre_m)))
+    nested = b.last <= a.last or b.first <= a.first
+    if nested and apart < NESTED_M:
+        return True
     return apart < settings.same_place_m + 0.02 * driven and driven < 60.0
 
 
