@@ -282,3 +282,25 @@ def test_data_can_be_written_as_json() -> None:
     assert data["at_place"] is True
     assert {"centre", "ends", "outward"} <= set(data["gateways"][0])
     assert data["readings"][0]["weight"] == 1
+
+
+def test_gap_in_a_wall_along_a_path_is_no_exit_but_the_dead_end_stays() -> None:
+    image = np.full((150, 150), 205, np.uint8)
+    image[20:150, 60:85] = 255
+    image[19:150, 59], image[19:150, 85], image[19, 59:86] = 0, 0, 0
+    image[100:111, 85] = 205  # eleven cells of the wall were never seen
+    metric = {"resolution_m": 0.1, "robot_radius_m": 0.4, "robot_px": (72, 40)}
+    found = local_topology(image, **metric)
+    assert str(found.star) == "a+1 a-0"
+    assert found.base_px[0] == pytest.approx([72, 33], abs=4)
+    assert found.gateways[0].outward_rad == pytest.approx(np.pi / 2, abs=0.05)
+
+
+def test_best_reading_may_lack_a_doubtful_gateway() -> None:
+    image = blank(200)
+    image[80:120, :] = 255
+    image[58:80, 90:100] = 255
+    image[40:58, 60:140] = 205
+    found = local_topology(image, resolution_m=0.1, robot_radius_m=0.2, min_depth_m=2.0)
+    assert len(found.gateways) == 3
+    assert {sum(reading.star.alpha) for reading in found.readings} == {2, 3}
