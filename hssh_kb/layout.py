@@ -48,13 +48,23 @@ class Layout:
     poses : (n, 3) x [m], y [m], theta [rad] of each node in the frame of node 0.
     chi2 : weighted sum of squared residuals at the optimum.
     iterations : Gauss-Newton steps taken.
-    information : (3n - 3, 3n - 3) information matrix of nodes 1..n-1 at the optimum.
+    normal : (3n - 3, 3n - 3) matrix of the normal equations at the optimum, dense or sparse.
+    position : place of each of the nodes 1..n-1 in it; None if in order.
     """
 
     poses: Array
     chi2: float
     iterations: int
-    information: Any
+    normal: Any
+    position: Index | None = None
+
+    @cached_property
+    def information(self) -> Any:  # noqa: ANN401
+        """Information matrix (3n - 3, 3n - 3) of nodes 1..n-1, in their order."""
+        if self.position is None or not sp.issparse(self.normal):
+            return self.normal
+        index = (3 * self.position[:, None] + np.arange(3)).ravel()
+        return sp.csc_matrix(self.normal)[index][:, index]
 
     @cached_property
     def covariances(self) -> Array:
@@ -84,7 +94,7 @@ def lay_out(
     information: Any,  # noqa: ANN401
     *,
     max_iterations: int = 50,
-    tolerance: float = 1e-9,
+    tolerance: float = 1e-7,
 ) -> Layout:
     """Lay out n nodes so that the weighted squared residuals of the edges are smallest.
 
@@ -264,13 +274,23 @@ def _check_edges(
     if len(bad):
         raise InputError(f"layout: edge {bad[0]} holds a value that is not finite")
     if len(w):
-        lowest = np.linalg.eigvalsh((w + np.swapaxes(w, 1, 2)) / 2)
-        bad = np.flatnonzero(lowest[:, 0] < -1e-9 * np.maximum(lowest[:, 2], 1e-300))
+        bad = np.flatnonzero(~_are_semidefinite(w))
         if len(bad):
             raise InputError(
                 f"layout: the information matrix of edge {bad[0]} is not positive semidefinite"
             )
     return i, j, z, w
+
+
+def _are_semidefinite(w: Array) -> NDArray[np.bool_]:
+    """Tell of each 3 x 3 matrix whether all its principal minors are at least zero."""
+    a, b, c = w[:, 0, 0], w[:, 1, 1], w[:, 2, 2]
+    d, e, f = w[:, 0, 1], w[:, 0, 2], w[:, 1, 2]
+    scale = np.maximum(np.maximum(np.abs(a), np.abs(b)), np.abs(c)) + 1e-300
+    ones = np.minimum(np.minimum(a, b), c) / scale
+    twos = np.minimum(np.minimum(a * b - d * d, a * c - e * e), b * c - f * f) / scale**2
+    three = a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e)
+    return (ones >= -1e-9) & (twos >= -1e-9) & (three / scale**3 >= -1e-9)
 
 
 def _check_connected(n: int, i: Index, j: Index) -> None:
@@ -421,7 +441,7 @@ def _run_gauss_newton(p: _Problem, start: Array, max_iterations: int, tolerance:
         x, chi2, steps, _, matrix = _iterate(p, start, max_iterations, tolerance, damped=True)
         if full is not None and full[1] < chi2:
             x, chi2, steps, _, matrix = full
-    return Layout(x, chi2, steps, _unpermute(p, matrix))
+    return Layout(x, chi2, steps, matrix, p.position)
 
 
 def _iterate(
@@ -480,11 +500,3 @@ def _step(p: _Problem, x: Array, matrix: Any, gradient: Array) -> Array:  # noqa
     x[1:] -= p.solve(matrix, rhs.ravel()).reshape(-1, 3)[p.position]
     x[:, 2] = wrap_angle(x[:, 2])
     return x
-
-
-def _unpermute(p: _Problem, matrix: Any) -> Any:  # noqa: ANN401
-    """Return the information matrix in the order of the nodes 1..n-1."""
-    if p.dense or matrix is None:
-        return matrix
-    index = (3 * p.position[:, None] + np.arange(3)).ravel()
-    return sp.csc_matrix(matrix)[index][:, index]
