@@ -153,13 +153,16 @@ class Robot:
         self.walk.arrive.append(self.world.opposite(there, gateway))
         self.walk.depart.append(None)
 
-    def follow(self, graph, walk) -> bool:
-        """Follow a suggestion up to its end or the first surprise; True if there was none."""
+    def follow(self, graph, walk, limit=math.inf) -> bool:
+        """Follow a suggestion up to its end, the first surprise (False), or so many travels."""
         for turn, edge in zip(walk.turns, walk.way, strict=False):
+            if self.travels >= limit:
+                return True
             self.travel(turn)
             if self.view() != look(graph.places[edge.goal].star, edge.arrive):
                 return False
-        self.travel(walk.turns[-1])
+        if self.travels < limit:
+            self.travel(walk.turns[-1])
         return True
 
 
@@ -179,7 +182,7 @@ def know(robot: Robot, limit: int = 3000) -> KnowledgeBase | None:
     return None if ranked is None else KnowledgeBase(robot.experience, ranked)
 
 
-def start_robot(seed: int, *, width=3, height=3, holes=0.25, travels=(5, 9)) -> Robot:
+def start_robot(seed: int, *, width=4, height=4, holes=0.1, travels=(7, 13)) -> Robot:
     """A robot after a random walk in a random world of a seed."""
     rng = np.random.default_rng(seed)
     world = make_grid(width, height, holes=holes, rng=rng)

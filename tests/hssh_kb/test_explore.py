@@ -194,7 +194,7 @@ def test_the_agenda_lists_what_was_neither_left_by_nor_come_back_from():
 
 
 def test_the_agenda_shrinks_by_leaving_and_by_coming_back():
-    robot = start_robot(3)
+    robot = start_robot(3, width=3, height=3, holes=0.25)
     for _ in range(6):
         kb = KnowledgeBase(robot.experience, RankedMaps((true_map(robot),), "minimal"))
         try:
