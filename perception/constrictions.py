@@ -13,7 +13,7 @@ from perception.geometry import Array
 from perception.region import Index
 from perception.skeleton import OPEN, Branch, Skeleton
 
-LEAST_OPENING = 1.2
+LEAST_OPENING = 1.03
 """Clearance on both sides of a constriction over that in it, at least."""
 
 _WINDOW_M = 1.5

@@ -1,4 +1,4 @@
-"""What kind of gateway a constriction is: door, or mere narrowing.
+"""Which constrictions are doors, and the evidence for it.
 
 A door is a gap in a wall that goes on in line beyond the gap, and one has to go a long way round
 if one does not pass it; a gap between pieces of furniture has neither.
@@ -11,7 +11,6 @@ import math
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import cv2
 import numpy as np
@@ -23,14 +22,13 @@ from perception.geometry import Array
 from perception.grid import Mask
 from perception.skeleton import Branch, Skeleton
 
-GatewayKind = Literal["door", "mouth", "narrowing"]
-
 _FAN_RAD = np.deg2rad(np.arange(-15, 16, 3))
 _ALONG_M = np.arange(0.1, 2.01, 0.05)
 _NEAR_M = 0.9
 _BESIDE_M = (0.4, 0.55)
 _SLACK_M = 0.1
 _SEARCH_M = 40.0
+_WALL_THICK_M = 0.45
 
 
 @dataclass(frozen=True)
@@ -84,27 +82,26 @@ class DoorEvidence:
     thing_m: Array
 
 
-def tell_kinds(
-    space: FloorSpace,
-    skeleton: Skeleton,
-    constrictions: Sequence[Constriction],
-    rule: DoorRule | None = None,
-) -> tuple[GatewayKind, ...]:
-    """Return the kind of each constriction: "door" or "narrowing"."""
+def find_doors(
+    constrictions: Sequence[Constriction], evidence: DoorEvidence, rule: DoorRule | None = None
+) -> NDArray[np.bool_]:
+    """Tell of each constriction whether it is a door."""
     rule = rule or DoorRule()
-    if not constrictions:
-        return ()
-    evidence = gather_evidence(space, skeleton, constrictions)
     width = np.array([c.width_m for c in constrictions])
     opening = np.array([c.opening for c in constrictions])
-    long, short = evidence.thing_m[..., 0], evidence.thing_m[..., 1]
-    is_thing = (long < rule.thing_m) & ((short > 0.45) | (long < 0.6 * rule.thing_m))
     narrow = (opening >= rule.opening) & (evidence.in_line_near >= rule.in_line_near)
     wide = (opening >= rule.wide_opening) & (opening * width >= rule.space_m)
     door = narrow | (wide & (evidence.in_line >= rule.in_line))
-    door &= (width <= rule.width_m) & ~is_thing.any(axis=1)
+    door &= (width <= rule.width_m) & ~find_things(evidence, rule.thing_m)
     door &= (evidence.detour_m >= rule.detour_m) & (evidence.area_m2 >= rule.area_m2)
-    return tuple("door" if one else "narrowing" for one in door)
+    return np.asarray(door)
+
+
+def find_things(evidence: DoorEvidence, size_m: float) -> NDArray[np.bool_]:
+    """Tell whether an end lies on a free-standing thing smaller than this, no piece of wall."""
+    long, short = evidence.thing_m[..., 0], evidence.thing_m[..., 1]
+    thing = (long < size_m) & ((short > _WALL_THICK_M) | (long < 0.6 * size_m))
+    return np.asarray(thing.any(axis=1))
 
 
 def gather_evidence(

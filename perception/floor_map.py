@@ -15,12 +15,13 @@ import numpy as np
 from perception.constrictions import Constriction, find_constrictions
 from perception.continuity import StarReading, read_star, read_stars
 from perception.core import Arm
-from perception.doors import GatewayKind, measure_things, tell_kinds
+from perception.doors import measure_things
 from perception.errors import InputError
 from perception.floor_places import PlaceKind, PlaceNodes, find_places, holds_point
 from perception.floor_pruning import open_loops, prune_shallow
 from perception.floor_skeleton import build_floor_skeleton
 from perception.floor_space import FloorSettings, FloorSpace, find_floor_space
+from perception.gateway_kinds import GatewayKind, tell_kinds
 from perception.gateways import Gateway, find_gateway
 from perception.geometry import Array
 from perception.grid import Frame, Image
@@ -213,6 +214,7 @@ class _Survey:
         gateways = tuple(
             self._describe_constriction(c, kind)
             for c, kind in zip(self.constrictions, self.kinds, strict=True)
+            if kind is not None
         )
         return FloorMap(
             tuple(places),

@@ -110,12 +110,22 @@ def open_loops(graph: SkeletonGraph, space: FloorSpace, things_m: Array) -> None
         ways.sort(key=lambda k: float(graph.branches[k].radius_px.min()))
         for k in ways:
             branch = graph.branches[k]
-            if branch.tail != branch.head and not graph.are_linked(branch.tail, branch.head, k):
+            if branch.tail == branch.head:
+                k = _halve_loop(graph, k)
+            elif not graph.are_linked(branch.tail, branch.head, k):
                 continue
             for made in graph.remove(k):
                 for other in _list_arcs(graph.branches[made], space):
                     beside[other].add(made)
             break
+
+
+def _halve_loop(graph: SkeletonGraph, k: int) -> int:
+    """Split a loop at the point farthest from its base; return the narrower half."""
+    branch = graph.branches[k]
+    i = int(np.searchsorted(branch.steps_px, 0.5 * float(branch.steps_px[-1])))
+    _, one, two = graph.split(k, min(max(i, 1), len(branch.points_px) - 2))
+    return min((one, two), key=lambda half: float(graph.branches[half].radius_px.min()))
 
 
 def _list_arcs(branch: Branch, space: FloorSpace) -> list[int]:
