@@ -108,8 +108,7 @@ def check_disturbed() -> bool:
         }
         for name, (disturb, options) in made.items():
             samples = (
-                (disturb(image, turn), turn, None)
-                for image, turn in _turned(shape, 100, rng)
+                (disturb(image, turn), turn, None) for image, turn in _turned(shape, 100, rng)
             )
             good &= _score(f"{shape.name} {name}", plain, samples, 0.90, width=34, **options)
     return good
