@@ -222,7 +222,7 @@ class TreeOfMaps:
                 if self._has_complete() or not self._open_reserve():
                     break
             elif self._has_complete():
-                if idle == 0:
+                if idle == 0 and self._is_doubtful(prospect):
                     self._revise(last, end)
                 if idle >= (self._count_cycles(prospect) if patience is None else patience):
                     break
@@ -234,7 +234,7 @@ class TreeOfMaps:
                 self._dive()
             else:
                 self._run_cycle(end)
-        if self._has_complete():
+        if self._has_complete() and self._is_doubtful(self._queues.choose_depth()[1]):
             self._revise(last, end, 4)
 
     def _has_complete(self) -> bool:
@@ -246,9 +246,13 @@ class TreeOfMaps:
 
     def _count_cycles(self, prospect: float) -> int:
         """Return how many cycles in vain it takes to believe that the best map is found."""
+        whole = int(math.log2(max(len(self._visits) / _WINDOW, 1))) + 1
+        return whole + 3 if self._is_doubtful(prospect) else whole
+
+    def _is_doubtful(self, prospect: float) -> bool:
+        """Return whether the best complete map falls short of the highest hopes by far."""
         regret = prospect - float(self._queues.tops[-1])
-        whole = int(math.log2(max(len(self._visits) / _WINDOW, 1))) + 2
-        return whole if regret < _REGRET_NATS else whole + 2
+        return self.score.slip > 0 or regret >= _REGRET_NATS
 
     def _run_cycle(self, end: float) -> bool:
         """Grow the best leaf of each of the deepest depths in turn, and the best of all.
