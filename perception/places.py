@@ -28,8 +28,8 @@ __all__ = ["PlaceReading", "PlaceSettings", "PlaceVisit", "detect_places"]
 REVIEW_STEP_M, REVIEW_MAX_M = 1.0, 4.5
 """A place is looked back at once a metre, until one is so far from its centre."""
 
-NESTED_M = 3.0
-"""A place passed wholly within the passage of another, not farther from it, is a part of it."""
+NESTED_M, NESTED_SHARE = 3.0, 0.7
+"""A place passed mostly within the passage of another, not farther from it, is a part of it."""
 
 LOOKED_AROUND_RAD = 5.5
 """A robot that has seen so much of its surroundings has looked around."""
@@ -87,8 +87,9 @@ class _Candidate:
 
     def is_confirmed(self, settings: PlaceSettings) -> bool:
         """Tell whether enough readings speak of a place here, and most of those taken here do."""
-        speaking = len(self.sightings) + len(self.reviews)
-        return speaking >= settings.confirmations and speaking >= self.denials
+        shares = [s.share for s in self.sightings + self.reviews]
+        denials = self.denials + len(shares) - sum(shares)
+        return len(shares) >= settings.confirmations and sum(shares) >= denials
 
     @property
     def centre_m(self) -> Array:
@@ -214,8 +215,9 @@ def _is_return(a: _Passage, b: _Passage, poses: Array, settings: PlaceSettings) 
     between = poses[a.nearest : b.nearest + 1, :2]
     driven = float(np.hypot(*np.diff(between, axis=0).T).sum()) if len(between) > 1 else 0.0
     apart = float(np.hypot(*(a.centre_m - b.centre_m)))
-    nested = b.last <= a.last or b.first <= a.first
-    if nested and apart < NESTED_M:
+    shared = min(a.last, b.last) - max(a.first, b.first) + 1
+    shorter = min(a.last - a.first, b.last - b.first) + 1
+    if shared > NESTED_SHARE * shorter and apart < NESTED_M:
         return True
     return apart < settings.same_place_m + 0.02 * driven and driven < 60.0
 

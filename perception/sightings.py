@@ -15,7 +15,11 @@ from perception.geometry import Array, wrap_angle
 from perception.grid import Frame
 from perception.lpm import LocalMap
 from perception.scanlog import ScanLog
+from perception.star import Star
 from perception.topology import LocalTopology, local_topology
+
+LEAST_SHARE = 0.25
+"""Readings that say "place" with less probability than this are readings of a path."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +63,9 @@ class Sighting:
     ----------
     scan : index of the scan after which it was read. pose : (3,) of the laser then.
     centre_m : (2,) centroid of the base points. radius_m : how far the place reaches.
-    gateways_m : (g, 2) centres of the gateways. topology : as read, in pixels of ``frame``.
+    gateways_m : (g, 2) centres of the gateways.
+    share : probability that this is a place and not a bare path.
+    topology : as read, in pixels of ``frame``.
     """
 
     scan: int
@@ -67,8 +73,19 @@ class Sighting:
     centre_m: Array
     radius_m: float
     gateways_m: Array
+    share: float
     topology: LocalTopology
     frame: Frame
+
+
+def is_path(star: Star) -> bool:
+    """Tell whether a star is that of a bare path: two gateways, one local-path.
+
+    Source
+    ------
+    Beeson 2008, section 5.3.2 (the on-path test).
+    """
+    return len(star) == 2 and all(star.alpha)
 
 
 def read_sightings(
@@ -113,7 +130,7 @@ def read_topology(
 
     Returns
     -------
-    None on a bare path, and where no gateway search is possible.
+    None on what is most likely a bare path, and where no gateway search is possible.
     """
     image, frame = local.image(), local.frame
     column, row = frame.to_pixels(pose[:2] if at_m is None else at_m)
@@ -129,10 +146,11 @@ def read_topology(
         )
     except InputError:  # the LPM shows the robot in a wall: somebody stands close by
         return None
-    if not topology.at_place or not topology.gateways:
+    share = sum(r.weight for r in topology.readings if not is_path(r.star))
+    if share < LEAST_SHARE or not topology.gateways:
         return None
     base = frame.to_metres(topology.base_px)
     centre = base.mean(axis=0)
     gates = frame.to_metres(np.array([g.centre_px for g in topology.gateways], float))
     radius = float(np.median(np.hypot(*(gates - centre).T)))
-    return Sighting(scan, pose.copy(), centre, radius, gates, topology, frame)
+    return Sighting(scan, pose.copy(), centre, radius, gates, share, topology, frame)

@@ -13,7 +13,7 @@ import numpy as np
 
 from perception.continuity import StarReading
 from perception.geometry import Array, wrap_angle
-from perception.sightings import PlaceSettings, Sighting
+from perception.sightings import PlaceSettings, Sighting, is_path
 from perception.star import Star
 
 REVIEW_VOTE = 1.0
@@ -110,12 +110,7 @@ def _vote(
                 group.reading, group.headings_rad, group.gateways_m = reading, headings, gates
                 group.best_vote = vote
     total = sum(group.votes for group in groups)
-    return [(g, g.votes / total) for g in groups if not _is_path(g.reading.star)]
-
-
-def _is_path(star: Star) -> bool:
-    """Tell whether a star is that of a bare path: two gateways, one local-path."""
-    return len(star) == 2 and all(star.alpha)
+    return [(g, g.votes / total) for g in groups if not is_path(g.reading.star)]
 
 
 def _dlp_gateways(reading: StarReading, sighting: Sighting) -> Array:
