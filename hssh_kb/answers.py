@@ -33,6 +33,7 @@ def document_maps(experience: Experience, ranked: RankedMaps) -> Document:
     }
     if ranked.ranked_by == "minimal":
         document["minimal"] = ranked.minimality
+        document["policy"] = ranked.policy
     return document
 
 

@@ -14,6 +14,7 @@ from typing import Any
 
 from hssh_kb.errors import InputError
 from hssh_kb.experience import SCHEMA, Experience
+from hssh_kb.files import looks_like_json
 from hssh_kb.solver import Symbol, solve_all
 from hssh_kb.theory import axiom_program, read_programs
 
@@ -47,6 +48,17 @@ class BasicExperience:
     views: tuple[str, ...]
     actions: tuple[str, ...]
     source: str = ""
+
+
+def is_basic_trace(path: str | Path) -> bool:
+    """Say by content whether a file is a trace of kind "basic"; False if it cannot be read."""
+    if not looks_like_json(path):
+        return False
+    try:
+        data = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(data, dict) and data.get("kind") == "basic"
 
 
 def load_basic_trace(path: str | Path) -> BasicExperience:
@@ -179,3 +191,54 @@ def enumerate_basic_maps(
 
     models = solve_all(program, convert, limit=limit, budget_s=budget_s)
     return tuple(sorted(models.found)), models.complete
+
+
+@dataclass(frozen=True)
+class BasicMap:
+    """One map of a basic experience.
+
+    Attributes
+    ----------
+    dstates : for each moment the first moment at the same dstate.
+    places : for each moment the first moment at the same place.
+    paths : for each moment the path it faces along, named after the first moment on it, and
+        whether it faces the way that moment did.
+    """
+
+    dstates: tuple[int, ...]
+    places: tuple[int, ...]
+    paths: tuple[tuple[int, bool], ...]
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Number of paths and of places."""
+        return len({path for path, _ in self.paths}), len(set(self.places))
+
+
+def describe_basic_map(experience: BasicExperience, dstates: Sequence[int]) -> BasicMap:
+    """Return places and paths of a map, as equations 2, 3 and 4 give them.
+
+    Examples
+    --------
+    >>> there_and_back = BasicExperience(("T", "L", "L", "T"), ("travel", "turn around", "travel"))
+    >>> describe_basic_map(there_and_back, (0, 1, 2, 3)).size
+    (1, 3)
+    """
+    place = {q: q for q in dstates}
+    way = {q: (q, True) for q in dstates}
+    for i, action in enumerate(experience.actions):
+        q, r = dstates[i], dstates[i + 1]
+        if action in (TRAVEL, TURN_AROUND):
+            (one, forth), (other, back) = way[q], way[r]
+            if one != other:
+                same = (forth == back) == (action == TRAVEL)
+                low, high = min(one, other), max(one, other)
+                for x, (path, faces) in way.items():
+                    if path == high:
+                        way[x] = (low, faces == same)
+        if action != TRAVEL:
+            low, high = sorted((place[q], place[r]))
+            place = {x: low if p == high else p for x, p in place.items()}
+    return BasicMap(
+        tuple(dstates), tuple(place[q] for q in dstates), tuple(way[q] for q in dstates)
+    )

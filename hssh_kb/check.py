@@ -103,6 +103,16 @@ def parse_assumption(experience: Experience, text: str) -> Assumption:
     return Assumption(one, other, same, told)
 
 
+def find_visit(experience: Experience, word: str) -> int:
+    """Return the visit called ``v9``, or by a name that only one visit has.
+
+    Raises
+    ------
+    InputError : there is none, or there are several.
+    """
+    return _find_visit(experience, word.strip(), word)
+
+
 def _find_visit(experience: Experience, word: str, text: str) -> int:
     match = _VISIT.match(word)
     if match:
@@ -188,13 +198,33 @@ def check(
     )
 
 
+@dataclass(frozen=True)
+class NewPlace:
+    """The answer to "why is this visit a new place?".
+
+    Attributes
+    ----------
+    visit : the visit asked about.
+    earlier : for each earlier visit whether they may be one place, and if not, why not.
+    forced : True if every earlier visit is refused by an axiom: the visit is new in every map.
+    complete : False if the budget ended before all were asked.
+    text : one sentence for all of it.
+    """
+
+    visit: int
+    earlier: tuple[tuple[int, Check], ...]
+    forced: bool
+    complete: bool
+    text: str
+
+
 def explain_new(
     experience: Experience,
     visit: int,
     *,
     planarity: bool = True,
     budget_s: float | None = DEFAULT_BUDGET_S,
-) -> tuple[tuple[int, Check], ...]:
+) -> NewPlace:
     """Say for each earlier visit whether a visit may be at the same place, and if not, why not.
 
     It answers "why is v9 a new place?": because each of the earlier ones is refused for a reason
@@ -203,23 +233,44 @@ def explain_new(
     Raises
     ------
     InputError : there is no such visit.
+
+    Examples
+    --------
+    >>> from hssh_kb.experience import make_experience
+    >>> two = make_experience([(["a+1", "a-0"], None, 0), (["b-1", "b+0"], 1, None)])
+    >>> explain_new(two, 1).text
+    'v1 is a new place in every map: the axioms refuse each of the 1 earlier visits.'
     """
     if not 0 <= visit < len(experience):
         raise InputError(f"there is no visit v{visit}; the visits are v0 to v{len(experience) - 1}")
     share = None if budget_s is None else max(budget_s / max(visit, 1), 0.1)
-    return tuple(
+    earlier = tuple(
         (
-            earlier,
-            check(
-                experience,
-                [f"v{visit}=v{earlier}"],
-                planarity=planarity,
-                limit=1,
-                budget_s=share,
-            ),
+            other,
+            check(experience, [f"v{visit}=v{other}"], planarity=planarity, limit=1, budget_s=share),
         )
-        for earlier in range(visit)
+        for other in range(visit)
     )
+    complete = all(answer.status != "budget spent" for _, answer in earlier)
+    possible = [other for other, answer in earlier if answer.consistent]
+    forced = complete and not possible
+    label = experience.visit_label(visit)
+    if not visit:
+        text = f"{label} is a new place in every map: it is the first visit."
+    elif forced:
+        text = (
+            f"{label} is a new place in every map: the axioms refuse each of the {visit} "
+            "earlier visits."
+        )
+    elif possible:
+        told = ", ".join(experience.visit_label(other) for other in possible)
+        text = (
+            f"The axioms allow {label} to be at the place of {told}; in a map where it is new, "
+            "the preference among maps, or the measurements, made it so."
+        )
+    else:
+        text = f"The budget was spent before all visits earlier than {label} were asked about."
+    return NewPlace(visit, earlier, forced, complete, text)
 
 
 def _narrate(

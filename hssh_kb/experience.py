@@ -225,6 +225,11 @@ def experience_from_data(data: Any, source: str = "trace") -> Experience:  # noq
     if schema != SCHEMA:
         got = "no 'schema'" if schema is None else f"schema {schema!r}"
         raise InputError(f'{source}: {got}; expected "schema": "{SCHEMA}"')
+    if data.get("kind") == "basic":
+        raise InputError(
+            f"{source}: is a basic trace (views and actions, no stars), "
+            "which only 'hssh maps' reads"
+        )
     visits = data.get("visits")
     if not isinstance(visits, list) or not visits:
         raise InputError(f"{source}: 'visits' must be a list of at least one visit")

@@ -55,7 +55,7 @@ class Finding:
 
 
 def check_map(path: str | Path) -> tuple[Finding, ...]:
-    """Test a map drawn by hand: JSON of schema ``hssh.map/1``, or facts (``.lp``).
+    """Test a map drawn by hand: JSON of schema ``hssh.map/1``, or facts; told apart by content.
 
     Returns
     -------
@@ -72,7 +72,7 @@ def check_map(path: str | Path) -> tuple[Finding, ...]:
         raise InputError(f"{path}: byte {error.start} is not UTF-8 text") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    if path.suffix == ".lp":
+    if not text.lstrip("\ufeff \t\r\n").startswith(("{", "[")):
         return check_map_facts(text, str(path))
     try:
         data = json.loads(text)

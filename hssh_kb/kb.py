@@ -19,9 +19,11 @@ from hssh_kb.ranking import MapRow, RankedBy, RankedMaps, rank_maps, tabulate_ma
 from hssh_kb.records import BuildRecord, PlaceLayout, Raster, Trajectory
 
 if TYPE_CHECKING:
-    from hssh_kb.check import Check
+    from hssh_kb.check import Check, NewPlace
     from hssh_kb.explore import Exploration, Strategy
+    from hssh_kb.query import QueryAnswer
     from hssh_kb.route import Route
+    from hssh_kb.why import Derivation
 
 
 @dataclass(frozen=True)
@@ -196,6 +198,55 @@ class KnowledgeBase:
         from hssh_kb.check import check
 
         return check(self.experience, assumptions=list(assume), budget_s=budget_s)
+
+    def query(
+        self,
+        query: str,
+        *,
+        every: bool = False,
+        best: int | None = None,
+        budget_s: float | None = 60.0,
+    ) -> QueryAnswer:
+        """Ask a conjunction such as ``at(V,P), on(H,P)`` of the ranked maps (of ``best`` of them).
+
+        With ``every``, of all consistent maps instead. See :func:`hssh_kb.query.query_maps`.
+
+        Raises
+        ------
+        InputError : the query cannot be read, is unsafe, or uses a predicate that there is not.
+        BudgetError : the budget was spent on the first map.
+        """
+        from hssh_kb.query import query_all_maps, query_maps
+
+        if every:
+            return query_all_maps(self.experience, query, budget_s=budget_s)
+        return query_maps(self.experience, self.hypotheses[:best], query, budget_s=budget_s)
+
+    def explain(self, atom: str, number: int = 1) -> Derivation:
+        """Say why an atom such as ``on(path(0,0),2)`` holds in a map, as a derivation tree.
+
+        Raises
+        ------
+        InputError : not one ground atom.
+        NoAnswerError : it does not hold in this map.
+        """
+        from hssh_kb.why import explain_holds
+
+        hypothesis = self.hypothesis(number)
+        lived = Experience(self.experience.visits[: len(hypothesis.visits)], self.experience.source)
+        return explain_holds(lived, hypothesis, atom)
+
+    def explain_new(self, visit: int | str, *, budget_s: float = 20.0) -> NewPlace:
+        """Say why a visit (its number, ``v9`` or its name) is a new place.
+
+        Raises
+        ------
+        InputError : there is no such visit.
+        """
+        from hssh_kb.check import explain_new, find_visit
+
+        number = visit if isinstance(visit, int) else find_visit(self.experience, visit)
+        return explain_new(self.experience, number, budget_s=budget_s)
 
     def explore(self, strategy: Strategy = "entropy", **options: Any) -> Exploration:  # noqa: ANN401
         """Rank the ways to go next by what they would tell; see :func:`hssh_kb.explore.explore`.

@@ -6,15 +6,18 @@ in how many the others do.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from hssh_kb.errors import InputError
+from hssh_kb.errors import BudgetError, InputError
 from hssh_kb.experience import Experience
 from hssh_kb.hypothesis import Hypothesis
-from hssh_kb.maps import Dstate, path_classes
+from hssh_kb.maps import Dstate, enumerate_maps, path_classes
 from hssh_kb.solver import answer_query
 
+MAP_LIMIT = 20_000
+"""At most so many maps are asked, unless one says otherwise."""
 VOCABULARY = {
     ("visit", 1): "visit(V): V is a visit",
     ("name", 2): "name(V,N): the user calls what was visited at V by the name N, a string",
@@ -44,12 +47,14 @@ class QueryAnswer:
     every : instances that hold in all the maps: what is certain (cautious reading).
     some : all instances that hold in some map (brave reading), with the number of maps.
     maps : how many maps were asked.
+    complete : False if the budget ended before all the maps were asked.
     """
 
     variables: tuple[str, ...]
     every: tuple[tuple[str, ...], ...]
     some: tuple[tuple[tuple[str, ...], int], ...]
     maps: int
+    complete: bool = True
 
 
 def query_maps(
@@ -61,12 +66,12 @@ def query_maps(
     ----------
     experience, maps : such as ``enumerate_maps(experience).maps``, or the best of them.
     query : literals with commas between them; ``not`` and comparisons are understood.
-    budget_s : seconds to spend.
+    budget_s : seconds to spend; when spent, the maps asked by then are answered for.
 
     Raises
     ------
     InputError : the query cannot be read, uses a predicate that there is not, or is unsafe.
-    BudgetError : the budget was spent.
+    BudgetError : the budget was spent on the first map.
 
     Examples
     --------
@@ -78,24 +83,76 @@ def query_maps(
     """
     if not query.strip():
         raise InputError(f"the query is empty; ask for example {_EXAMPLE!r}")
+    end = None if budget_s is None else time.monotonic() + budget_s
+    counts: dict[tuple[str, ...], int] = {}
+    variables: tuple[str, ...] = ()
+    asked, step = 0, 1
+    while asked < len(maps) or not asked:
+        some = maps[asked : asked + step]
+        try:
+            variables, found = _ask(experience, some, query, end)
+        except BudgetError:
+            if not asked:
+                raise BudgetError(
+                    f"the budget of {budget_s:g} s was spent on the query before one map was "
+                    "answered for; ask for less, or give a longer budget"
+                ) from None
+            break
+        for instance in found:
+            counts[instance[1:]] = counts.get(instance[1:], 0) + 1
+        asked, step = asked + len(some), min(2 * step, _MOST_AT_ONCE)
+        if not maps:
+            break
+    rows = sorted(counts.items(), key=lambda item: (-item[1], [_by_number(x) for x in item[0]]))
+    every = tuple(instance for instance, count in rows if count == asked)
+    return QueryAnswer(variables, every, tuple(rows), asked, asked == len(maps))
+
+
+def query_all_maps(
+    experience: Experience,
+    query: str,
+    *,
+    order: bool = True,
+    planarity: bool = True,
+    limit: int = MAP_LIMIT,
+    budget_s: float | None = None,
+) -> QueryAnswer:
+    """Answer a query over all consistent maps, at most ``limit`` of them.
+
+    ``complete`` is False if there are more maps, or more than the budget sufficed for. Half of the
+    budget may go into finding them.
+
+    Raises
+    ------
+    InputError, BudgetError : as in :func:`query_maps`.
+    """
+    start = time.monotonic()
+    half = None if budget_s is None else budget_s / 2
+    found = enumerate_maps(experience, order=order, planarity=planarity, limit=limit, budget_s=half)
+    rest = None if budget_s is None else max(budget_s - (time.monotonic() - start), 0.0)
+    answer = query_maps(experience, found.maps, query, budget_s=rest)
+    return replace(answer, complete=answer.complete and found.complete)
+
+
+def _ask(
+    experience: Experience, maps: Sequence[Hypothesis], query: str, end: float | None
+) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     facts = [
         (name, (str(i), *arguments))
         for i, hypothesis in enumerate(maps)
         for name, arguments in describe_map(experience, hypothesis)
     ]
+    rest = None if end is None else end - time.monotonic()
+    if rest is not None and rest <= 0:
+        raise BudgetError("the budget was spent")
     try:
-        variables, found = answer_query(query, facts, set(VOCABULARY), budget_s=budget_s)
+        return answer_query(query, facts, set(VOCABULARY), budget_s=rest)
     except ValueError as error:
         known = ", ".join(f"{name}/{arity}" for name, arity in sorted(VOCABULARY))
         raise InputError(f"query {query!r}: {error}; predicates: {known}") from None
-    counts: dict[tuple[str, ...], int] = {}
-    for instance in found:
-        counts[instance[1:]] = counts.get(instance[1:], 0) + 1
-    rows = sorted(counts.items(), key=lambda item: (-item[1], [_by_number(x) for x in item[0]]))
-    every = tuple(instance for instance, count in rows if count == len(maps))
-    return QueryAnswer(variables, every, tuple(rows), len(maps))
 
 
+_MOST_AT_ONCE = 256
 _EXAMPLE = "at(V,P), on(H,P)"
 
 

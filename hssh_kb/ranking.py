@@ -19,6 +19,7 @@ from hssh_kb.hypothesis import Hypothesis
 COUNT_LIMIT = 2000
 """Maps are counted by default only if there are at most so many."""
 
+DEFAULT_POLICY = "paths-then-places"
 RankedBy = Literal["minimal", "posterior"]
 _EQUAL = 1e-9
 
@@ -37,6 +38,7 @@ class RankedMaps:
     budget_spent : True if a budget ended the work; the maps are then a partial answer.
     inconsistent_from : the first visit with which no consistent map is left; None if there is
         one. The maps are then those of the visits before it.
+    policy : the preference, where minimality decided.
     """
 
     maps: tuple[Hypothesis, ...]
@@ -46,6 +48,7 @@ class RankedMaps:
     proven: bool = True
     inconsistent_from: int | None = None
     budget_spent: bool = False
+    policy: str = DEFAULT_POLICY
 
     @property
     def complete(self) -> bool:
@@ -82,6 +85,7 @@ def rank_maps(
     planarity: bool = True,
     order: bool = True,
     budget_s: float | None = None,
+    policy: str | None = None,
 ) -> RankedMaps:
     """Find the maps of an experience and rank them.
 
@@ -93,6 +97,7 @@ def rank_maps(
     minimal : "cardinality" or "subset": minimality decides, even where there is metrical evidence.
     planarity, order : whether these axioms hold.
     budget_s : seconds after which a partial answer is given (``budget_spent``).
+    policy : a preference of :data:`hssh_kb.theory.POLICIES`: minimality decides, in its order.
 
     Examples
     --------
@@ -102,15 +107,23 @@ def rank_maps(
     [(0, 1)]
     """
     weaker = not (planarity and order)
+    if policy is not None:
+        from hssh_kb.theory import policy_program
+
+        policy_program(policy)  # raises if there is none of that name
+        minimal = minimal or "cardinality"
+    policy = policy or DEFAULT_POLICY
     if experience.has_displacements and minimal is None and not every and not weaker:
         return _rank_by_posterior(experience, best or 5, budget_s)
     if minimal == "subset" and every:
         raise UsageError("subset minimality leaves maps out, so it cannot be asked for all maps")
     if not order or every or minimal != "subset":
-        ranked = _rank_all(experience, every, best, planarity, order, budget_s)
+        ranked = _rank_all(experience, every, best, planarity, order, budget_s, policy)
         if ranked is not None:
             return ranked
-    return _rank_by_minimality(experience, best, minimal or "cardinality", planarity, budget_s)
+    return _rank_by_minimality(
+        experience, best, minimal or "cardinality", planarity, budget_s, policy
+    )
 
 
 def _rank_by_posterior(experience: Experience, best: int, budget_s: float | None) -> RankedMaps:
@@ -136,6 +149,7 @@ def _rank_all(
     planarity: bool,
     order: bool,
     budget_s: float | None,
+    policy: str,
 ) -> RankedMaps | None:
     """Enumerate; None if there are too many to do so without having been asked."""
     from hssh_kb.maps import enumerate_maps
@@ -146,7 +160,7 @@ def _rank_all(
     )
     if not found.complete and limit is not None:
         return None
-    sized = sorted((_measure_map(experience, h), i) for i, h in enumerate(found.maps))
+    sized = sorted((_measure_map(experience, h, policy), i) for i, h in enumerate(found.maps))
     kept = sized[:best] if best else [one for one in sized if every or one[0] == sized[0][0]]
     return RankedMaps(
         tuple(found.maps[i] for _, i in kept),
@@ -155,6 +169,7 @@ def _rank_all(
         proven=found.complete,
         inconsistent_from=found.inconsistent_from,
         budget_spent=not found.complete,
+        policy=policy,
     )
 
 
@@ -164,10 +179,13 @@ def _rank_by_minimality(
     minimal: str,
     planarity: bool,
     budget_s: float | None,
+    policy: str,
 ) -> RankedMaps:
     from hssh_kb.maps import minimal_maps
 
-    found = minimal_maps(experience, minimal=minimal, planarity=planarity, budget_s=budget_s)
+    found = minimal_maps(
+        experience, minimal=minimal, planarity=planarity, budget_s=budget_s, policy=policy
+    )
     return RankedMaps(
         tuple(found.maps[:best] if best else found.maps),
         "minimal",
@@ -175,17 +193,32 @@ def _rank_by_minimality(
         proven=found.complete,
         inconsistent_from=found.inconsistent_from,
         budget_spent=not found.complete,
+        policy=policy,
     )
 
 
-def _measure_map(experience: Experience, hypothesis: Hypothesis) -> tuple[int, int, int]:
-    """Return what minimality makes few: paths, places, then the price of the readings."""
+def _measure_map(
+    experience: Experience, hypothesis: Hypothesis, policy: str = DEFAULT_POLICY
+) -> tuple[int, ...]:
+    """Return what a policy makes few, then the price of the readings."""
     prices = (
         price_of_reading(hypothesis.reading(experience, v).weight)
         for v in range(len(hypothesis.visits))
         if len(experience.visits[v].readings) > 1
     )
-    return (*count_map(experience, hypothesis), sum(prices))
+    return (*order_sizes(*count_map(experience, hypothesis), policy), sum(prices))
+
+
+def order_sizes(paths: int, places: int, policy: str = DEFAULT_POLICY) -> tuple[int, ...]:
+    """Return the numbers of paths and places in the order in which a policy compares them.
+
+    Examples
+    --------
+    >>> order_sizes(4, 5, "places-then-paths"), order_sizes(4, 5, "places-only")
+    ((5, 4), (5,))
+    """
+    orders = {"places-then-paths": (places, paths), "places-only": (places,)}
+    return orders.get(policy, (paths, places))
 
 
 def count_map(experience: Experience, hypothesis: Hypothesis) -> tuple[int, int]:
@@ -228,14 +261,15 @@ def count_map(experience: Experience, hypothesis: Hypothesis) -> tuple[int, int]
 def tabulate_maps(experience: Experience, ranked: RankedMaps) -> tuple[MapRow, ...]:
     """Return the maps of a ranking as numbered rows that say which of them tie."""
     keys = list[tuple[float, ...]]()
-    sizes = list[tuple[int, int, int]]()
+    sizes = list[tuple[int, int]]()
     for hypothesis in ranked.maps:
-        sizes.append(_measure_map(experience, hypothesis))
+        sizes.append(count_map(experience, hypothesis))
         posterior = hypothesis.log_posterior
         if ranked.ranked_by == "posterior" and posterior is not None:
             keys.append((posterior,))
         else:  # every subset-minimal map is as good as any other
-            keys.append(() if ranked.minimality == "subset" else sizes[-1])
+            measured = _measure_map(experience, hypothesis, ranked.policy)
+            keys.append(() if ranked.minimality == "subset" else measured)
     table = list[MapRow]()
     first, last = 0, 0
     for i, hypothesis in enumerate(ranked.maps):
@@ -243,7 +277,7 @@ def tabulate_maps(experience: Experience, ranked: RankedMaps) -> tuple[MapRow, .
             first = i
             while last < len(keys) and _same(keys[last], keys[first]):
                 last += 1
-        paths, places, _ = sizes[i]
+        paths, places = sizes[i]
         table.append(MapRow(i + 1, first + 1, last - first, places, paths, hypothesis))
     return tuple(table)
 

@@ -106,6 +106,21 @@ def policy_levels(policy: str) -> list[list[tuple[str, int]]]:
     return _LEVELS[policy]
 
 
+def list_policies() -> dict[str, str]:
+    """Return what each policy prefers, in words, from the first line of its file.
+
+    Examples
+    --------
+    >>> list_policies()["places-only"]
+    'fewest places, whatever the paths; then the dearest readings avoided.'
+    """
+    return {name: _first_comment(read_program(policy_program(name))) for name in POLICIES}
+
+
+def _first_comment(text: str) -> str:
+    return text.splitlines()[0].partition(": ")[2]
+
+
 @cache
 def list_axioms() -> tuple[Axiom, ...]:
     """Return all axioms by number, read from the headers of their files.

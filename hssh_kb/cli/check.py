@@ -5,8 +5,15 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from hssh_kb.cli.options import add_budget, add_input
+from hssh_kb.cli.options import add_budget, add_input, add_map
 from hssh_kb.cli.output import print_json, show_progress, tell_notices, wrap_words
+from hssh_kb.cli.reasons import (
+    check_drawn_map,
+    explain_atom,
+    explain_new_place,
+    is_drawn_map,
+)
+from hssh_kb.errors import UsageError
 
 if TYPE_CHECKING:
     from hssh_kb.check import Check
@@ -15,12 +22,20 @@ NAME = "check"
 HELP = 'axiom violations, and "why not?"'
 DESCRIPTION = """\
 Say whether a map exists for an experience, with assumptions if given: if not, which axioms are
-violated, by which observations, and what could be dropped to mend it. Exit code 1 means no."""
+violated, by which observations, and what could be dropped to mend it. Exit code 1 means no.
+
+A map drawn by hand is checked as it is: JSON of schema hssh.map/1 (paths as lists of places,
+stars, orders), or facts such as at(q,a). along(q,h,plus). on(h,a). --why takes an atom of one map:
+  dstate(q(P,K)) at(Q,P) along(Q,H,D) on(H,P) order(H,D,P,P2) schema(Q,A,Q2)
+with H = path(P,K), after its first place and the lesser of its two dlps there."""
 EXAMPLES = """\
   hssh check office.hssh                       is the experience consistent at all?
   hssh check office.hssh --assume v7=v2        why are visits 7 and 2 not the same place?
   hssh check walk.json --assume v7!=v2         why are they?
   hssh check walk.json --assume v4=v0 --assume v5=v1 --json
+  hssh check office.hssh --why-new v9          why is visit 9 a new place?
+  hssh check walk.json --why 'order(path(0,0),plus,0,2)'  why does this hold in the best map?
+  hssh check drawn.json                        does a map drawn by hand violate an axiom?
 """
 DEFAULT_BUDGET_S = 20.0
 
@@ -35,6 +50,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="assume that two visits were at one place (vI=vJ) or were not (vI!=vJ); repeatable",
     )
+    parser.add_argument("--why", metavar="ATOM", help="why this holds in a map: its derivation")
+    parser.add_argument(
+        "--why-new", metavar="vN", help="why this visit is a new place: what forbids each other"
+    )
+    add_map(parser)
     add_budget(parser, DEFAULT_BUDGET_S)
 
 
@@ -45,7 +65,16 @@ def run(args: argparse.Namespace) -> int:
     from hssh_kb.kb import KnowledgeBase
     from hssh_kb.store import read_kb_or_trace
 
+    if is_drawn_map(args.input):
+        return check_drawn_map(args)
     found = read_kb_or_trace(args.input)
+    if args.why or args.why_new:
+        if args.assume or (args.why and args.why_new):
+            raise UsageError("give only one of --assume, --why and --why-new")
+        if not isinstance(found, KnowledgeBase):
+            tell_notices(found.notices)
+            found = KnowledgeBase.from_experience(found, budget_s=args.budget)
+        return explain_atom(args, found) if args.why else explain_new_place(args, found)
     if isinstance(found, KnowledgeBase):
         experience = found.experience
     else:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from hssh_kb.cli.basic_maps import run_basic_maps
 from hssh_kb.cli.options import add_budget, add_input, parse_count
 from hssh_kb.cli.output import (
     count_noun,
@@ -16,6 +17,7 @@ from hssh_kb.cli.output import (
     tell_notices,
     wrap_words,
 )
+from hssh_kb.cli.query import run_query
 from hssh_kb.errors import UsageError
 
 if TYPE_CHECKING:
@@ -26,13 +28,23 @@ NAME = "maps"
 HELP = "ranked map hypotheses of a knowledge base or a trace"
 DESCRIPTION = """\
 Rank the maps that are consistent with an experience. With displacements the posterior decides,
-without them the fewest paths, then the fewest places. Ties are shown as ties."""
+without them the fewest paths, then the fewest places. Ties are shown as ties.
+A trace of kind "basic" (views and actions) gives the maps of the basic SSH.
+
+--query asks a conjunction of a trace's consistent maps (at most 20,000 of them), of a knowledge
+base's stored maps, or of those that --best, --minimal or --policy choose. Capital letters are
+variables; P, V are numbers of visits, H paths, D plus or minus:
+  visit(V) name(V,N) at(V,P) new(V) place(P) path(H) on(H,P) order(H,D,P,P2) places(N)
+  neighbour(H,D,P,P2) dstate(Q,P) along(Q,H,D) alpha(Q,A) paths(N)"""
 EXAMPLES = """\
   hssh maps office.hssh                        the ranked maps stored in a knowledge base
   hssh maps walk.json                          rank the maps of a trace
   hssh maps walk.json --all --json             every consistent map, as one document
   hssh maps walk.json --minimal subset         subset-minimal maps
   hssh maps office.hssh --best 3 -v            three maps, with the terms of their scores
+  hssh maps walk.json --policy places-then-paths  fewest places first
+  hssh maps walk.json --query 'at(V,P), on(H,P)'  what holds in every map, and in how many
+  hssh maps office.hssh --best 3 --query 'at(7,P)'  where visit 7 was, in the three best maps
 """
 DEFAULT_BUDGET_S = 60.0
 
@@ -48,6 +60,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=("cardinality", "subset"),
         help="let minimality decide, in this sense, even where there is metrical evidence",
     )
+    parser.add_argument(
+        "--policy",
+        choices=("paths-then-places", "places-then-paths", "places-only"),
+        help="let minimality decide, and make these few in this order (default: paths-then-places)",
+    )
+    parser.add_argument(
+        "--query", metavar="ATOMS", help="what holds in the maps, as literals with commas between"
+    )
     parser.add_argument("--no-planarity", action="store_true", help="allow paths to cross anywhere")
     parser.add_argument("--no-order", action="store_true", help="allow circular paths")
     add_budget(parser, None, told=f"{DEFAULT_BUDGET_S:g}")
@@ -59,17 +79,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Rank the maps and print them."""
     from hssh_kb.answers import document_maps
+    from hssh_kb.basic import is_basic_trace
     from hssh_kb.kb import KnowledgeBase
     from hssh_kb.ranking import rank_maps
     from hssh_kb.store import read_kb_or_trace
 
     if args.verbose and args.json:
         raise UsageError("-v has no effect with --json, which always holds the terms")
-    asked = args.all or args.minimal or args.no_planarity or args.no_order
+    if is_basic_trace(args.input):
+        return run_basic_maps(args, args.budget or DEFAULT_BUDGET_S)
+    asked = args.all or args.minimal or args.policy or args.no_planarity or args.no_order
     found = read_kb_or_trace(args.input)
     stored = found if isinstance(found, KnowledgeBase) else None
     experience = found.experience if isinstance(found, KnowledgeBase) else found
     tell_notices(() if stored else experience.notices)
+    if args.query is not None:
+        return run_query(args, found, args.budget or DEFAULT_BUDGET_S)
     if stored and not asked and (not args.best or args.best <= len(stored.hypotheses)):
         if args.budget:
             raise UsageError("--budget has no effect: these maps are stored, nothing is searched")
@@ -84,6 +109,7 @@ def run(args: argparse.Namespace) -> int:
                 planarity=not args.no_planarity,
                 order=not args.no_order,
                 budget_s=args.budget or DEFAULT_BUDGET_S,
+                policy=args.policy,
             )
     if args.json:
         print_json(document_maps(experience, ranked))
@@ -149,7 +175,12 @@ def _say_what_decided(ranked: RankedMaps) -> str:
         return "Metrical evidence decided: the map with the highest posterior comes first."
     if ranked.minimality == "subset":
         return "Minimality decided: no map makes do with a part of the paths and places of these."
-    return "Minimality decided: the fewest paths, then the fewest places, come first."
+    told = {
+        "places-then-paths": "the fewest places, then the fewest paths, come first",
+        "places-only": "the fewest places come first",
+    }
+    usual = "the fewest paths, then the fewest places, come first"
+    return f"Minimality decided: {told.get(ranked.policy, usual)}."
 
 
 def _format_number(value: float | None) -> str:

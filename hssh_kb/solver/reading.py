@@ -96,7 +96,6 @@ def answer_query(
     ValueError : not a conjunction of literals over known predicates, or unsafe.
     BudgetError : the budget was spent.
     """
-    end = None if budget_s is None else time.monotonic() + budget_s
     messages: list[str] = []
     rules: list[ast.AST] = []
 
@@ -116,22 +115,43 @@ def answer_query(
         raise ValueError("needs at least one predicate that is not negated")
     variables = tuple(indexed.variables)
     head = f"answer({','.join((_INDEX, *variables))})"
+    body += [f"0 = @tick({','.join(names)})" for names in indexed.prefixes[1:] if names]
     program = f"#show. #show {head} : {head}. {head} :- {'; '.join(body)}.\n"
     used = [f"{name}({','.join(values)})." for name, values in facts if name in indexed.names]
     control = clingo.Control(["1"], logger=log)
     try:
         control.add("base", [], program + "\n".join(used))
         control.add("base", [], "".join(f"#defined {n}/{a + 1}. " for n, a in known))
-        control.ground([("base", [])])
+        control.ground([("base", [])], context=_Watch(budget_s))
     except RuntimeError:
         raise ValueError(f"cannot be answered ({'; '.join(messages)})") from None
-    if end is not None and time.monotonic() > end:
-        raise BudgetError(f"the budget of {budget_s:g} s was spent on the query")
     atoms = control.symbolic_atoms.by_signature("answer", len(variables) + 1)
     return variables, [tuple(map(show_term, atom.symbol.arguments)) for atom in atoms]
 
 
 _INDEX = "SetOfFacts"
+_LOOK_EVERY = 256
+
+
+class _Watch:
+    """Looks at the clock while a query is joined, which nothing else can interrupt."""
+
+    def __init__(self, budget_s: float | None) -> None:
+        self.budget_s, self.count = budget_s, 0
+        self.end = None if budget_s is None else time.monotonic() + budget_s
+
+    def tick(self, *_: Symbol) -> Symbol:
+        """Count one partial answer; called by the grounder.
+
+        Raises
+        ------
+        BudgetError : the budget was spent.
+        """
+        self.count += 1
+        late = self.end is not None and self.count % _LOOK_EVERY == 1
+        if late and self.end is not None and time.monotonic() > self.end:
+            raise BudgetError(f"the budget of {self.budget_s:g} s was spent on the query")
+        return clingo.Number(0)
 
 
 class _IndexQuery(ast.Transformer):
@@ -142,6 +162,7 @@ class _IndexQuery(ast.Transformer):
         self.names: set[str] = set()
         self.variables: dict[str, None] = {}
         self.positive = False
+        self.prefixes: list[tuple[str, ...]] = []
 
     def visit_Literal(self, node: ast.AST) -> ast.AST:  # noqa: N802
         """Check a literal; rewrite its atom."""
@@ -149,7 +170,11 @@ class _IndexQuery(ast.Transformer):
             self.positive |= node.sign == ast.Sign.NoSign
         elif node.atom.ast_type != ast.ASTType.Comparison:
             raise ValueError(f"{node} is neither an atom nor a comparison")
-        return node.update(**self.visit_children(node))
+        changed = node.update(**self.visit_children(node))
+        is_atom = node.atom.ast_type == ast.ASTType.SymbolicAtom
+        if is_atom and node.sign == ast.Sign.NoSign:
+            self.prefixes.append((_INDEX, *self.variables))
+        return changed
 
     def visit_ConditionalLiteral(self, node: ast.AST) -> ast.AST:  # noqa: N802
         """Refuse conditions."""

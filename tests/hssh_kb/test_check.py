@@ -97,11 +97,11 @@ def test_assumptions_that_make_no_sense_are_told(text, told):
 
 def test_why_a_visit_is_a_new_place():
     experience = named_walk()
-    answers = explain_new(experience, 4)
+    answers = explain_new(experience, 4).earlier
     assert [earlier for earlier, _ in answers] == [0, 1, 2, 3]
     assert all(answer.violations for _, answer in answers)
     maps = enumerate_maps(experience).maps
-    for earlier, answer in explain_new(experience, 9):
+    for earlier, answer in explain_new(experience, 9).earlier:
         assert answer.consistent == any(h.visits[9] == h.visits[earlier] for h in maps)
     with pytest.raises(InputError, match="no visit v17"):
         explain_new(experience, 17)
