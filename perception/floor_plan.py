@@ -200,8 +200,9 @@ def _outline(free: Sequence[Rect]) -> Array:
     xs, ys = np.unique(rects[:, [0, 2]]), np.unique(rects[:, [1, 3]])
     cells = np.zeros((len(xs) + 1, len(ys) + 1), bool)  # one ring of solid cells around
     for x0, y0, x1, y1 in rects:
-        i, j = np.searchsorted(xs, [x0, x1]), np.searchsorted(ys, [y0, y1])
-        cells[i[0] + 1 : i[1] + 1, j[0] + 1 : j[1] + 1] = True
+        left, right = np.searchsorted(xs, [x0, x1]) + 1
+        low, high = np.searchsorted(ys, [y0, y1]) + 1
+        cells[left:right, low:high] = True
     segments = []
     for i, x in enumerate(xs):
         edge = np.diff((cells[i, 1:-1] != cells[i + 1, 1:-1]).astype(int), prepend=0, append=0)

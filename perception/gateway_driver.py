@@ -215,7 +215,8 @@ class GatewayDriver:
         ranges = self._robot.ranges_m.astype(float)
         near = np.isfinite(ranges) & (ranges < reach_m)
         angles = self._robot.angles_rad[near]
-        return ranges[near, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+        points = ranges[near, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+        return np.asarray(points, float)
 
     def _steer_to(self, target: Array) -> bool:
         """Drive one tick towards a point, around what stands in the way; False if it stood."""
