@@ -54,7 +54,7 @@ def _report(name: str, mode: str, kb: KnowledgeBase, seconds: float, truth: dict
     mean = mean_distance_m(drive.poses, drive.corrected)
     drive_s = float(drive.times_s[-1] - drive.times_s[0])
     has_clock = 10 < drive_s < 1e5  # two of the logs have lost their clock
-    shown = f"{shown}" if has_clock else f"{'-':>8}"
+    shown = f"{drive_s:8.0f}" if has_clock else f"{'-':>8}"
     row = kb.rows[0]
     precision, recall = rate_closures(kb)
     found = f"{'-':>7}{'':8}{'-':>6}{'':8}{'-':>6}{'-':>6}"
