@@ -94,6 +94,7 @@ class Exploration:
     entropy_bits : entropy of the maps now.
     unit : of lengths: "m", or "travels" where lengths are unknown.
     doubted : the visit whose place is tested, for a rehearsal; None otherwise.
+    unreached : places with unexplored ways to which no known way leads from here.
     suggestions : best first. found : how many there are, shown or not.
     text : the answer in one or two sentences, ties told.
     """
@@ -107,6 +108,7 @@ class Exploration:
     entropy_bits: float
     unit: str
     doubted: int | None
+    unreached: tuple[str, ...]
     suggestions: tuple[Suggestion, ...]
     found: int
     text: str
@@ -182,6 +184,7 @@ def explore(
         start.entropy_bits,
         unit,
         doubted,
+        _list_unreached(graph, walks),
         suggestions,
         len(chosen),
         "",
@@ -240,6 +243,11 @@ def _score_all(kb: KnowledgeBase, ranked: RankedMaps) -> RankedMaps:
 
 def _draw_graph(kb: KnowledgeBase, hypothesis: Hypothesis) -> PlaceGraph:
     return build_place_graph(kb.experience, hypothesis, names=kb.names, lengths_m=kb.lengths_m)
+
+
+def _list_unreached(graph: PlaceGraph, walks: Sequence[Walk]) -> tuple[str, ...]:
+    reached = {walk.place for walk in walks}
+    return tuple(p.label for p in graph.places.values() if p.frontiers and p.label not in reached)
 
 
 def _select(

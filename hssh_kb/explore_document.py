@@ -26,6 +26,7 @@ def document_exploration(found: Exploration) -> dict[str, Any]:
         "informative": any(one.gain_bits > WORTH_BITS for one in found.suggestions),
         "doubted": None if found.doubted is None else f"v{found.doubted}",
         "unit": found.unit,
+        "unreached": list(found.unreached),
         "found": found.found,
         "text": found.text,
         "suggestions": [_document_suggestion(found, one) for one in found.suggestions],

@@ -209,6 +209,10 @@ def tell_summary(found: Exploration, maps: Sequence[Hypothesis]) -> Exploration:
     tie = found.suggestions[0].tie
     if tie > 1:
         sentences.append(f"The first {tie} tie{_name_merit(found)}.")
+    if found.unreached:
+        titles = [found.graph.places[label].title for label in found.unreached]
+        listed = _join(titles) if len(titles) <= _LISTED_MAPS else f"{len(titles)} places"
+        sentences.append(f"No known way leads from here to {listed}, where ways are unexplored.")
     return replace(found, text=" ".join(sentences))
 
 

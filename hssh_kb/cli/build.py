@@ -16,15 +16,18 @@ if TYPE_CHECKING:
     from hssh_kb.kb import KnowledgeBase
 
 NAME = "build"
-HELP = "a lidar log or a trace becomes a knowledge base"
+HELP = "lidar logs or traces become knowledge bases"
 DESCRIPTION = """\
 Read a CARMEN log (plain, gz, xz or bz2) or a trace (JSON), find places and paths, rank the maps,
-lay them out, and write one knowledge base file."""
+lay them out, and write one knowledge base file. Several inputs are built in parallel, into a
+folder; one that fails does not stop the others."""
 EXAMPLES = """\
   hssh build drive.log.xz                            writes drive.hssh
   hssh build drive.log.gz -o office.hssh --poses odometry
   hssh build drive.log --level door                  narrow openings count as ways too
   hssh build walk.json -o walk.hssh --json
+  hssh build monday.log tuesday.log.xz -o maps/ --jobs 2
+  hssh build *.log -o maps/ --executor dask:tcp://cluster:8786
 """
 DEFAULT_BUDGET_S = 60.0
 _ENDINGS = {".log", ".clf", ".carmen", ".txt", ".json", ".gz", ".xz", ".bz2"}
@@ -32,9 +35,13 @@ _ENDINGS = {".log", ".clf", ".carmen", ".txt", ".json", ".gz", ".xz", ".bz2"}
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    parser.add_argument("input", metavar="INPUT", help="a CARMEN log or a trace")
+    parser.add_argument("input", metavar="INPUT", nargs="+", help="a CARMEN log or a trace")
     parser.add_argument(
-        "-o", "--output", metavar="KB", help="the file to write (default: INPUT's name with .hssh)"
+        "-o",
+        "--output",
+        metavar="KB",
+        help="the file to write (default: INPUT's name with .hssh); for several inputs a folder "
+        "that exists",
     )
     parser.add_argument(
         "--poses",
@@ -57,21 +64,41 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--resolution", metavar="M", type=parse_metres, help="cell of the global map (default: 0.1)"
     )
+    parser.add_argument(
+        "--jobs",
+        metavar="N",
+        type=parse_count,
+        help="how many inputs to build at a time (default: as many as there are cores)",
+    )
+    parser.add_argument(
+        "--executor",
+        metavar="dask:ADDRESS",
+        help="build on a Dask cluster instead; its workers have to see the same folders",
+    )
     add_budget(parser, DEFAULT_BUDGET_S)
 
 
 def run(args: argparse.Namespace) -> int:
     """Build and save."""
+    if len(args.input) > 1 or args.executor:
+        from hssh_kb.cli.build_many import run_many
+
+        return run_many(args)
+    if args.jobs:
+        raise UsageError("--jobs has no effect on a single input")
+    return _run_one(args, Path(args.input[0]))
+
+
+def _run_one(args: argparse.Namespace, source: Path) -> int:
     from hssh_kb.answers import document_build
     from hssh_kb.kb import KnowledgeBase
     from hssh_kb.store import is_knowledge_base
 
-    source = Path(args.input)
     target = Path(args.output) if args.output else Path(name_output(source))
-    _check_target(source, target)
+    check_target(source, target)
     if is_knowledge_base(source):
         raise InputError(f"{source}: is a knowledge base already; 'hssh maps {source}' reads it")
-    options = _gather_options(args, source)
+    options = gather_options(args, source)
     with show_progress(f"building {target}") as report:
         kb = KnowledgeBase.build(source, progress=report, **options)
     tell_notices(kb.record.notices)
@@ -99,7 +126,13 @@ def name_output(source: Path) -> str:
     return f"{name}.hssh"
 
 
-def _gather_options(args: argparse.Namespace, source: Path) -> dict[str, Any]:
+def gather_options(args: argparse.Namespace, source: Path) -> dict[str, Any]:
+    """Return the options of a build.
+
+    Raises
+    ------
+    UsageError : an option would have no effect on such an input.
+    """
     options: dict[str, Any] = {"best": args.best, "budget_s": args.budget}
     log_only = {
         "poses": args.poses,
@@ -113,8 +146,13 @@ def _gather_options(args: argparse.Namespace, source: Path) -> dict[str, Any]:
     return options | given
 
 
-def _check_target(source: Path, target: Path) -> None:
-    """Refuse now what would fail only after minutes of work."""
+def check_target(source: Path, target: Path) -> None:
+    """Refuse now what would fail only after minutes of work.
+
+    Raises
+    ------
+    InputError : the target cannot be written. UsageError : it is the input.
+    """
     if target.is_dir():
         raise InputError(f"{target}: is a directory; give the name of a file to write")
     if not target.parent.is_dir():

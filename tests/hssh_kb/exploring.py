@@ -123,6 +123,7 @@ class Robot:
 
     def __init__(self, world: World, walk: Walk, seed: int = 0):
         self.world, self.walk, self.seed = world, walk, seed
+        self.log: list[tuple[int, Star, int]] = []  # turn taken, star then seen, dlp then faced
 
     @property
     def experience(self) -> Experience:
@@ -140,9 +141,12 @@ class Robot:
     def travels(self) -> int:
         return len(self.walk.places) - 1
 
+    @property
+    def star(self) -> Star:
+        return self.experience.visits[-1].star
+
     def view(self) -> tuple:
-        star = self.experience.visits[-1].star
-        return look(star, self.walk.arrive[-1])
+        return look(self.star, self.walk.arrive[-1])
 
     def travel(self, turn: int) -> None:
         here, size = self.walk.places[-1], len(self.world.dlps[self.walk.places[-1]])
@@ -152,6 +156,7 @@ class Robot:
         self.walk.places.append(there)
         self.walk.arrive.append(self.world.opposite(there, gateway))
         self.walk.depart.append(None)
+        self.log.append((turn, self.star, self.walk.arrive[-1]))
 
     def follow(self, graph, walk, limit=math.inf) -> bool:
         """Follow a suggestion up to its end, the first surprise (False), or so many travels."""
@@ -164,6 +169,35 @@ class Robot:
         if self.travels < limit:
             self.travel(walk.turns[-1])
         return True
+
+
+def weigh_afterwards(experience, maps, log) -> list[float]:
+    """Probability of maps, alike at first, after the travels of a log.
+
+    Unlike the forecast, this remembers: what was unexplored in a map is a new place from then on.
+    """
+    brute = BruteForce(experience, maps, [1.0] * len(maps), 0)
+    weights = []
+    for i, graph in enumerate(brute.graphs):
+        stars = {label: place.star for label, place in graph.places.items()}
+        joined = {key: (edge.goal, edge.arrive) for key, edge in graph.edge_at.items()}
+        (label, facing), weight = brute.start(i), 1.0
+        for n, (turn, star, arrive) in enumerate(log):
+            k = (facing + turn) % len(stars[label])
+            view = look(star, arrive)
+            if (label, k) not in joined:
+                weight *= brute.seen[view] / brute.total or 1 / brute.total
+                new = f"N{n}"
+                stars[new] = star
+                joined[label, k] = new, arrive
+                back = star.opposite(arrive), stars[label].opposite(k)
+                joined[new, back[0]] = label, back[1]
+            label, facing = joined[label, k]
+            if look(stars[label], facing) != view:
+                weight = 0.0
+                break
+        weights.append(weight)
+    return [weight / sum(weights) for weight in weights]
 
 
 def list_all(robot: Robot, limit: int = 3000) -> RankedMaps | None:
