@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -70,8 +71,8 @@ def walk_floor(
             doubted |= walk.list_travels(visit)
             notices.append(_tell_doubt(walk, visit, refusal))
             continue
-        chosen[found[0]] = found[1]
-        notices.append(_tell_repair(walk, found[0], refusal))
+        chosen |= found
+        notices += [_tell_repair(walk, place, refusal) for place in found]
     experience, hypothesis = walk.describe(chosen, doubted)
     return FloorWalk(experience, hypothesis, tuple(places), tuple(travels), tuple(notices))
 
@@ -205,10 +206,11 @@ class _Walk:
 
     def find_repair(
         self, chosen: Mapping[int, int], doubted: set[int], visit: int, refusal: Refusal
-    ) -> tuple[tuple[int, int] | None, int]:
-        """Return (place, reading) that lets the walk stand beyond a visit, and how many were tried.
+    ) -> tuple[dict[int, int] | None, int]:
+        """Return readings by place that let the walk stand beyond a visit, and how many were tried.
 
-        Among the places of the travels that clash, the reading least below the best one is taken.
+        Among the places of the travels that clash, the reading least below the best one is taken,
+        or the two least.
         """
         involved = {self.places[u] for v in (visit, *refusal.travels) for u in (v - 1, v) if u >= 0}
         options = sorted(
@@ -217,11 +219,17 @@ class _Walk:
             for i, reading in enumerate(self.floor.places[k].readings)
             if i > chosen[k]
         )
-        for tried, (_, i, k) in enumerate(options, 1):
-            again = self.judge({**chosen, k: -i}, doubted)
+        singles = ({k: -i} for _, i, k in options)
+        pairs = (
+            {k: -i, m: -j} for (_, i, k), (_, j, m) in itertools.combinations(options, 2) if k != m
+        )
+        tried = 0
+        for change in itertools.islice(itertools.chain(singles, pairs), _MOST_TRIES // 2):
+            tried += 1
+            again = self.judge({**chosen, **change}, doubted)
             if again is None or again[0] > visit:
-                return (k, -i), tried
-        return None, len(options)
+                return change, tried
+        return None, tried
 
     def list_travels(self, visit: int) -> set[int]:
         """Return all travels over the edge that leads to a visit, by the visits they lead to."""

@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 
 from perception.geometry import Array
-from perception.skeleton import Branch
-from perception.skeleton_graph import SkeletonGraph
+from perception.skeleton import Branch, Node
+from perception.skeleton_graph import SkeletonGraph, concatenate
 
 PlaceKind = Literal["junction", "corner", "dead end", "room"]
 
@@ -69,7 +69,10 @@ def find_places(
             kinds[node] = "dead end"
     door_cells = {(float(x), float(y)) for x, y in doors}
     for k in list(graph.branches):
-        _split_corners(graph, k, kinds, resolution_m)
+        if graph.branches[k].tail in kinds:
+            _split_corners(graph, k, door_cells, kinds, resolution_m)
+        else:
+            _split_ring(graph, k, kinds, resolution_m)
     for k in list(graph.branches):
         _split_rooms(graph, k, door_cells, kinds, resolution_m)
     groups = _group_junctions(graph, kinds, door_cells)
@@ -82,16 +85,46 @@ def find_places(
 
 
 def _split_corners(
-    graph: SkeletonGraph, k: int, kinds: dict[int, PlaceKind], resolution_m: float
+    graph: SkeletonGraph,
+    k: int,
+    door_cells: set[tuple[float, float]],
+    kinds: dict[int, PlaceKind],
+    resolution_m: float,
 ) -> None:
-    """Split a branch at its sharp bends."""
+    """Split a branch at its sharp bends; but not in a room where it ends, past furniture."""
     branch = graph.branches[k]
-    for i in sorted(_find_corners(branch, graph, resolution_m), reverse=True):
+    ends = [graph.nodes[branch.tail], graph.nodes[branch.head]]
+    doors = [i for i, point in enumerate(branch.points_px.tolist()) if tuple(point) in door_cells]
+    first, last = 0, len(branch.points_px)
+    if doors and kinds.get(branch.head) == "dead end":
+        last = doors[-1]
+    if doors and kinds.get(branch.tail) == "dead end":
+        first = doors[0]
+    corners = [i for i in _find_corners(branch, ends, resolution_m) if first <= i <= last]
+    for i in sorted(corners, reverse=True):
         node, k, _ = graph.split(k, i)
         kinds[node] = "corner"
 
 
-def _find_corners(branch: Branch, graph: SkeletonGraph, resolution_m: float) -> list[int]:
+def _split_ring(
+    graph: SkeletonGraph, k: int, kinds: dict[int, PlaceKind], resolution_m: float
+) -> None:
+    """Split a ring without junction at its bends, at two points at least."""
+    ring = graph.branches[k]
+    size = len(ring.points_px)
+    base = ring.tail
+    found = sorted({i % size for i in _find_corners(concatenate(ring, ring), [], resolution_m)})
+    apart = _CORNERS_APART_M / resolution_m
+    cuts = [i for n, i in enumerate(found) if n == 0 or i - found[n - 1] > apart]
+    if len(cuts) < 2:
+        cuts = [size // 3, 2 * size // 3]
+    for i in sorted(cuts, reverse=True):
+        node, k, _ = graph.split(k, min(max(i, 1), size - 2))
+        kinds[node] = "corner"
+    graph.join_at(base)
+
+
+def _find_corners(branch: Branch, ends: Sequence[Node], resolution_m: float) -> list[int]:
     steps = branch.steps_px
     x, y = branch.points_px.T
     reach = np.maximum(_ARM_M / resolution_m, 1.3 * branch.radius_px)
@@ -104,9 +137,9 @@ def _find_corners(branch: Branch, graph: SkeletonGraph, resolution_m: float) -> 
     ahead = np.stack([np.interp(after, steps, x), np.interp(after, steps, y)], 1) - here
     cross = back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0]
     bend = np.abs(np.arctan2(cross, np.sum(back * ahead, axis=1)))
-    for node in (branch.tail, branch.head):
-        gap = np.hypot(*(here - graph.nodes[node].point_px).T)
-        holds = np.maximum(branch.radius_px[inner], graph.nodes[node].radius_px)
+    for end in ends:
+        gap = np.hypot(*(here - end.point_px).T)
+        holds = np.maximum(branch.radius_px[inner], end.radius_px)
         bend[gap <= 1.2 * holds] = 0.0
     found = list[int]()
     for m in np.argsort(-bend):

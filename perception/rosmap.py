@@ -197,10 +197,13 @@ def _read_levels(
     path: Path, force: bool
 ) -> tuple[NDArray[np.uint8], NDArray[np.bool_] | None, list[str]]:
     """Return the grey levels of an image, where it is opaque (None: everywhere), and notices."""
-    data = read_bytes(path)
-    size = _peek_size(data)
+    with path.open("rb") as file:
+        head = file.read(4096)
+    data = b"" if _peek_size(head) else read_bytes(path)
+    size = _peek_size(head) or _peek_size(data[:4096])
     if size is not None:
         _check_size(path, *size, force=force)
+    data = data or path.read_bytes()
     try:
         raw = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
@@ -225,12 +228,12 @@ def _read_levels(
     return np.asarray(raw, np.uint8), opaque, notices
 
 
-def _peek_size(data: bytes) -> tuple[int, int] | None:
+def _peek_size(head: bytes) -> tuple[int, int] | None:
     """Return columns and rows of a png or pgm from its header, None for other images."""
-    if data[:8] == b"\x89PNG\r\n\x1a\n" and len(data) >= 24:
-        width, height = struct.unpack(">II", data[16:24])
+    if head[:8] == b"\x89PNG\r\n\x1a\n" and len(head) >= 24:
+        width, height = struct.unpack(">II", head[16:24])
         return int(width), int(height)
-    match = re.match(rb"P[1-6](?:\s|#[^\n]*\n)+(\d+)(?:\s|#[^\n]*\n)+(\d+)", data[:4096])
+    match = re.match(rb"P[1-6](?:\s|#[^\n]*\n)+(\d+)(?:\s|#[^\n]*\n)+(\d+)", head)
     return (int(match[1]), int(match[2])) if match else None
 
 

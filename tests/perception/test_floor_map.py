@@ -1,0 +1,203 @@
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+import cv2
+import numpy as np
+import pytest
+from floor_plans import RESOLUTION, Plan, draw_office
+
+from perception.errors import InputError
+from perception.floor_map import FloorMap, explore_floor
+from perception.grid import FREE, OCCUPIED, UNKNOWN, Frame
+from perception.star import Star
+
+
+def explore(plan: Plan, **options: object) -> FloorMap:
+    image = plan.image()
+    return explore_floor(image, frame_of(image), **options)
+
+
+def frame_of(image: np.ndarray) -> Frame:
+    return Frame(0.0, image.shape[0] * RESOLUTION, RESOLUTION)
+
+
+def near(floor: FloorMap, x: float, y: float, reach: float = 1.0) -> list[int]:
+    """Return the places near a point of the plan, x right, y down from the top of 18 m."""
+    return [k for k, p in enumerate(floor.places) if math.dist(p.centre_m, (x, 18.0 - y)) <= reach]
+
+
+def degrees(floor: FloorMap) -> list[int]:
+    count = Counter[int]()
+    for edge in floor.edges:
+        count[edge.start] += 1
+        count[edge.goal] += 1
+    return [count[k] for k in range(len(floor.places))]
+
+
+def test_an_office_has_its_places():
+    floor = explore(draw_office())
+    for k in range(3):
+        (junction,) = near(floor, 5.45 + 6 * k, 9)
+        assert floor.places[junction].kind == "junction"
+        assert len(floor.places[junction].gateways) == 3
+        (room,) = near(floor, 5.5 + 6 * k, 5.7, 1.6)
+        assert floor.places[room].kind == "dead end"
+    (corner,) = near(floor, 25, 9)
+    assert floor.places[corner].kind == "corner"
+    (other,) = near(floor, 25, 15)
+    assert floor.places[other].kind == "corner"
+    ends = [k for k, p in enumerate(floor.places) if p.kind == "dead end"]
+    assert len(ends) == 5  # three rooms and the two ends of the corridor
+    assert len(floor.places) == 10
+    assert len(floor.edges) == 9
+
+
+def test_doors_are_found_where_they_are_and_nowhere_else():
+    floor = explore(draw_office())
+    doors = [g for g in floor.gateways if g.kind == "door"]
+    assert len(doors) == 3
+    for k, door in enumerate(sorted(doors, key=lambda g: g.centre_m)):
+        assert math.dist(door.centre_m, (5.45 + 6 * k, 18 - 7.9)) < 0.2
+        assert door.width_m == pytest.approx(0.9, abs=0.12)
+        assert abs(math.sin(door.outward_rad)) == pytest.approx(1.0, abs=0.02)
+        assert abs(door.ends_m[0][1] - door.ends_m[1][1]) < 0.11
+    assert sum(len(edge.doors) for edge in floor.edges) == 3
+
+
+def test_stars_and_headings_are_those_of_the_plan():
+    floor = explore(draw_office())
+    (k,) = near(floor, 11.45, 9)
+    best = floor.places[k].readings[0]
+    assert best.star.isomorphisms(Star.parse(["a+1", "b+1", "a-1", "b-0"]))
+    out = {
+        round(math.degrees(h)) // 90
+        for h, g in zip(best.headings_px, best.gateway_out, strict=True)
+        if g is not None
+    }
+    headings = sorted(
+        math.degrees(h) % 360
+        for h, g in zip(best.headings_px, best.gateway_out, strict=True)
+        if g is not None
+    )
+    assert len(out) == 3
+    assert min(abs(h - 90) for h in headings) < 8  # the door, upward in the map
+    assert min(min(abs(h), 360 - h) for h in headings) < 8
+    assert min(abs(h - 180) for h in headings) < 8
+
+
+def test_edges_join_the_places_they_name():
+    floor = explore(draw_office())
+    for edge in floor.edges:
+        assert np.allclose(edge.points_m[0], floor.places[edge.start].centre_m)
+        assert np.allclose(edge.points_m[-1], floor.places[edge.goal].centre_m)
+        assert edge.length_m >= math.dist(edge.points_m[0], edge.points_m[-1]) - 1e-9
+    assert degrees(floor) == [len(place.gateways) for place in floor.places]
+
+
+def test_a_loop_of_corridors_is_a_loop():
+    plan = Plan(20, 18).carve(2, 2, 14, 2).carve(2, 12, 14, 2).carve(2, 2, 2, 12)
+    plan.carve(14, 2, 2, 12)
+    floor = explore(plan)
+    assert len(floor.edges) == len(floor.places) == 4
+    assert {place.kind for place in floor.places} == {"corner"}
+
+
+def test_furniture_makes_neither_places_nor_loops():
+    plan = draw_office().block(5, 5, 1.2, 0.8).block(12, 5.2, 0.9, 0.9)
+    plan.block(16.6, 4.6, 0.3, 0.3)
+    floor = explore(plan)
+    assert sum(g.kind == "door" for g in floor.gateways) == 3
+    assert len(floor.edges) == len(floor.places) - 1
+    assert len(floor.places) <= 12
+
+
+def test_a_gap_between_furniture_is_no_door():
+    plan = Plan(12, 18).carve(1, 1, 8, 8).block(3, 4, 1.5, 1.5).block(5.4, 4, 1.5, 1.5)
+    assert not any(g.kind == "door" for g in explore(plan).gateways)
+
+
+def test_a_room_between_two_doors_holds_a_place():
+    plan = Plan(16, 18).carve(1, 1, 4, 4).carve(5.3, 1, 4, 4).carve(9.6, 1, 4, 4)
+    plan.carve(4.9, 2.5, 0.5, 0.9).carve(9.2, 2.5, 0.5, 0.9)
+    floor = explore(plan)
+    assert sum(g.kind == "door" for g in floor.gateways) == 2
+    (middle,) = near(floor, 7.3, 3, 1.0)
+    assert floor.places[middle].kind == "room"
+
+
+def test_other_parts_are_left_out_and_can_be_chosen():
+    plan = draw_office().carve(2, 0.5, 6, 2)
+    floor = explore(plan)
+    ((area, point),) = floor.other_parts
+    assert area == pytest.approx(5.5 * 1.5, rel=0.1)
+    assert math.dist(point, (5.0, 18 - 1.5)) < 2.5
+    other = explore(plan, start_m=point)
+    assert len(other.places) == 2
+    assert other.other_parts[0][0] > 50
+
+
+def test_a_start_in_a_wall_moves_a_little_but_not_far():
+    assert len(explore(draw_office(), start_m=(3.0, 18 - 7.8)).places) == 10
+    with pytest.raises(InputError, match="no free space"):
+        explore(draw_office(), start_m=(29.0, 1.0))
+    with pytest.raises(InputError, match="outside the map"):
+        explore(draw_office(), start_m=(-50.0, 1.0))
+
+
+def test_named_rooms_hold_a_place_each():
+    square = np.array([[7.0, 9.0], [9.0, 9.0], [9.0, 9.9], [7.0, 9.9]])  # in mid corridor
+    room = np.array([[3, 18 - 7.7], [8, 18 - 7.7], [8, 18 - 3.5], [3, 18 - 3.5]], float)
+    floor = explore(draw_office(), rooms_m={"copier": [square - [0, 0.6]], "office": [room]})
+    named = {name: k for k, place in enumerate(floor.places) for name in place.names}
+    assert set(named) == {"copier", "office"}
+    assert floor.places[named["copier"]].kind == "room"
+    assert floor.places[named["office"]].kind == "dead end"
+
+
+@pytest.mark.parametrize("turn", [90, 180, 270])
+def test_turning_the_plan_changes_nothing(turn):
+    image = draw_office().image()
+    plain = explore_floor(image, frame_of(image))
+    image = np.ascontiguousarray(np.rot90(image, turn // 90))
+    turned = explore_floor(image, frame_of(image))
+    for kind in ("junction", "corner", "dead end", "room"):
+        count = [sum(p.kind == kind for p in floor.places) for floor in (plain, turned)]
+        assert count[0] == count[1], kind
+    assert len(plain.edges) == len(turned.edges)
+    doors = [sum(g.kind == "door" for g in floor.gateways) for floor in (plain, turned)]
+    assert doors[0] == doors[1] == 3
+
+
+@pytest.mark.parametrize("angle_deg", [10.0, 33.0])
+def test_slanting_plans_have_the_same_places(angle_deg):
+    image = draw_office().image()
+    height, width = image.shape
+    matrix = cv2.getRotationMatrix2D((width / 2, height / 2), angle_deg, 1.0)
+    matrix[:, 2] += (900 - np.array([width, height])) / 2
+    image = cv2.warpAffine(image, matrix, (900, 900), flags=cv2.INTER_NEAREST, borderValue=UNKNOWN)
+    floor = explore_floor(image, frame_of(image))
+    assert sum(g.kind == "door" for g in floor.gateways) == 3
+    assert sum(p.kind == "junction" for p in floor.places) == 3
+    assert len(floor.edges) == len(floor.places) - 1
+
+
+def test_rough_walls_bear_no_places():
+    image = draw_office().image()
+    rng = np.random.default_rng(7)
+    edge = cv2.dilate((image == OCCUPIED).astype(np.uint8), np.ones((3, 3))) > 0
+    image[edge & (rng.random(image.shape) < 0.25) & (image == FREE)] = OCCUPIED
+    floor = explore_floor(image, frame_of(image))
+    assert sum(p.kind == "junction" for p in floor.places) == 3
+    assert sum(g.kind == "door" for g in floor.gateways) == 3
+    assert len(floor.places) == 10
+
+
+def test_no_way_at_all_is_told():
+    image = np.full((100, 100), UNKNOWN, np.uint8)
+    with pytest.raises(InputError, match="no free space"):
+        explore_floor(image, frame_of(image))
+    image[50, 5:95] = FREE  # a slit
+    with pytest.raises(InputError, match="no free space"):
+        explore_floor(image, frame_of(image))
