@@ -13,6 +13,7 @@ import contextlib
 import importlib
 import multiprocessing
 import os
+import signal
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from dataclasses import dataclass
@@ -86,11 +87,12 @@ def count_cores() -> int:
 def _open_processes(jobs: int) -> ProcessPoolExecutor:
     """Make a pool of fresh processes of one thread each, so that answers depend on neither."""
     context = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(jobs, mp_context=context, initializer=_use_one_thread)
+    return ProcessPoolExecutor(jobs, mp_context=context, initializer=_prepare_process)
 
 
-def _use_one_thread() -> None:
-    """Keep the libraries that this process will load to one thread each."""
+def _prepare_process() -> None:
+    """Keep the libraries that will be loaded to one thread each; end silently on Ctrl-C."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     os.environ.update(dict.fromkeys(_THREAD_COUNTS, "1"))
 
 

@@ -50,9 +50,9 @@ def weigh(weights) -> float:
 @pytest.mark.parametrize("seed", range(12))
 def test_expected_entropy_is_that_of_brute_force(seed):
     rng = np.random.default_rng(seed)
-    kb = know(start_robot(seed), limit=60)
+    kb = know(start_robot(seed), limit=100)
     if kb is None:
-        pytest.skip("more than 60 maps: too slow for brute force")
+        pytest.skip("more than 100 maps: too slow for brute force")
     weights = rng.dirichlet(np.ones(len(kb.hypotheses)))
     lead = int(rng.integers(len(weights)))
     assert compare_with_brute_force(kb.experience, kb.hypotheses, weights, lead)
