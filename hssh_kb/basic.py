@@ -7,12 +7,15 @@ each turn, too, may end at a dstate that was known or at a new one.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import time
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from hssh_kb.errors import InputError
+from hssh_kb.basic_tree import BasicTree
+from hssh_kb.errors import InputError, UsageError
 from hssh_kb.experience import SCHEMA, Experience
 from hssh_kb.files import looks_like_json
 from hssh_kb.solver import Symbol, solve_all
@@ -114,22 +117,28 @@ def basic_experience_from_data(data: Any, source: str = "trace") -> BasicExperie
     return BasicExperience(tuple(views), tuple(actions), source)
 
 
-def forget_stars(experience: Experience) -> BasicExperience:
+def forget_stars(experience: Experience, *, look_around: bool = False) -> BasicExperience:
     """Return what a robot of the basic SSH lives through on the same drive.
 
     Its view is what the star looks like from the dlp it faces; a turn is named by how many dlps
     further, clockwise, it faces then.
+
+    Parameters
+    ----------
+    experience : the drive.
+    look_around : at each place the robot first turns from dlp to dlp, clockwise, back to the one
+        it faced: the way to see there what a star tells at once.
     """
     views, actions = list[str](), list[str]()
     for visit in experience.visits:
         star, size = visit.star, len(visit.star)
         facing = [k for k in (visit.arrive, visit.depart) if k is not None]
-        if len(facing) == 2 and facing[0] != facing[1]:
-            turn = (facing[1] - facing[0]) % size
-            around = facing[1] == star.opposite(facing[0])
-            actions.append(TURN_AROUND if around else f"turn {turn}")
-        elif len(facing) == 2:
-            facing.pop()
+        if look_around and facing:
+            facing[:0] = [(facing[0] + i) % size for i in range(size)]
+        facing = [k for i, k in enumerate(facing) if not i or k != facing[i - 1]]
+        for one, other in pairwise(facing):
+            around = other == star.opposite(one)
+            actions.append(TURN_AROUND if around else f"turn {(other - one) % size}")
         for k in facing:
             seen = [
                 f"{star.alpha[(k + i) % size]}{(star.opposite((k + i) % size) - k - i) % size}"
@@ -165,8 +174,16 @@ def enumerate_basic_maps(
     order: bool = True,
     limit: int | None = None,
     budget_s: float | None = None,
+    engine: str = "tree",
 ) -> tuple[tuple[tuple[int, ...], ...], bool]:
     """Find all maps of a basic experience.
+
+    Parameters
+    ----------
+    experience : views and actions.
+    order : whether axiom 8 holds.
+    limit, budget_s : at most so many maps and seconds.
+    engine : "program" asks the solver; "tree" grows the same maps sooner.
 
     Returns
     -------
@@ -176,6 +193,14 @@ def enumerate_basic_maps(
     ------
     Beeson 2008, Algorithm 3.1.
     """
+    if engine not in ("tree", "program"):
+        raise UsageError(f"the engine is 'tree' or 'program', not {engine!r}")
+    if engine == "tree":
+        end = None if budget_s is None else time.monotonic() + budget_s
+        moves = [_read_move(i, action) for i, action in enumerate(experience.actions)]
+        tree = BasicTree(experience.views, moves, order=order, limit=limit, end=end)
+        complete = tree.run()
+        return tuple(sorted(tree.found)), complete
     axioms = [name for name in _AXIOMS if order or name != "order_irreflexive"]
     program = read_programs(
         ["basic", *map(axiom_program, axioms), "modes/strict", "show_basic"]
@@ -191,6 +216,13 @@ def enumerate_basic_maps(
 
     models = solve_all(program, convert, limit=limit, budget_s=budget_s)
     return tuple(sorted(models.found)), models.complete
+
+
+def _read_move(i: int, action: str) -> tuple[Hashable, str]:
+    """Return name and kind of an action; a free turn is another action each time."""
+    if action == FREE_TURN:
+        return (FREE_TURN, i), "turn"
+    return action, action if action in (TRAVEL, TURN_AROUND) else "turn"
 
 
 @dataclass(frozen=True)
