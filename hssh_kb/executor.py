@@ -92,7 +92,8 @@ def _open_processes(jobs: int) -> ProcessPoolExecutor:
 
 def _prepare_process() -> None:
     """Keep the libraries that will be loaded to one thread each; end silently on Ctrl-C."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     os.environ.update(dict.fromkeys(_THREAD_COUNTS, "1"))
 
 

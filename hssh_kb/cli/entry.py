@@ -22,6 +22,7 @@ examples:
   hssh maps office.hssh                    its ranked maps
   hssh route office.hssh P0 P7             how to get there
   hssh check office.hssh --assume v7=v2    why are these two visits not one place?
+  hssh explore office.hssh                 where to go next to tell rival maps apart
 
 exit codes: 0 yes or found; 1 answered "no"; 2 wrong usage; 3 bad input;
             4 budget spent, partial answer printed; 70 a fault of this program
