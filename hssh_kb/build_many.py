@@ -66,13 +66,14 @@ def build_one(task: BuildTask) -> dict[str, Any]:
     from hssh_kb.answers import document_build
     from hssh_kb.kb import KnowledgeBase
     from hssh_kb.store import is_knowledge_base
+    from perception.bags import looks_like_bag
 
     def report(stage: str, done: int, total: int) -> None:
         if task.reports is not None and (done == total or done % 25 == 0):
             with contextlib.suppress(OSError, EOFError):  # nobody listens any more
                 task.reports.put((task.number, stage, done, total))
 
-    if is_knowledge_base(task.source):
+    if not looks_like_bag(task.source) and is_knowledge_base(task.source):
         raise InputError(f"{task.source}: is a knowledge base already, nothing to build")
     kb = KnowledgeBase.build(task.source, progress=report, **task.options)
     kb.save(task.target)

@@ -19,7 +19,7 @@ LEAST_SHARE = 3.2
 LEAST_DEPTH_M = 0.6
 """A leaf must lead so far beyond the disc of the junction at its base."""
 
-THING_M = 4.0
+THING_M = 1.5
 """One goes around a free-standing thing smaller than this on its wider side only."""
 
 

@@ -1,41 +1,45 @@
-"""``hssh build``: a log or a trace becomes a knowledge base."""
+"""``hssh build``: a log, a bag, a floor map or a trace becomes a knowledge base."""
 
 from __future__ import annotations
 
 import argparse
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from hssh_kb.cli.build_options import ENDINGS, add_input_options, gather_options, tell_kind
 from hssh_kb.cli.options import add_budget, parse_count, parse_metres
 from hssh_kb.cli.output import count_noun, print_json, show_progress, tell_notices
 from hssh_kb.errors import InputError, UsageError
-from hssh_kb.files import looks_like_json
 
 if TYPE_CHECKING:
     from hssh_kb.kb import KnowledgeBase
 
 NAME = "build"
-HELP = "lidar logs or traces become knowledge bases"
+HELP = "lidar logs, ROS bags, floor maps or traces become knowledge bases"
 DESCRIPTION = """\
-Read a CARMEN log (plain, gz, xz or bz2) or a trace (JSON), find places and paths, rank the maps,
-lay them out, and write one knowledge base file. Several inputs are built in parallel, into a
-folder; one that fails does not stop the others."""
+Read a CARMEN log (plain, gz, xz or bz2), a ROS bag, the yaml file of a ROS map, or a trace (JSON);
+find places and paths, rank the maps, lay them out, and write one knowledge base file. A floor map
+is explored by a virtual robot that knows where it is, so it has one map. Several inputs are built
+in parallel, into a folder; one that fails does not stop the others."""
 EXAMPLES = """\
   hssh build drive.log.xz                            writes drive.hssh
   hssh build drive.log.gz -o office.hssh --poses odometry
   hssh build drive.log --level door                  narrow openings count as ways too
   hssh build walk.json -o walk.hssh --json
+  hssh build office.yaml --names rooms.yaml          a ROS map; places are called by their rooms
+  hssh build office.yaml --start=-3.5,12             the part of the floor that holds this point
+  hssh build drive.bag --scan /base_scan             also ROS 2 bags, mcap and db3 files
   hssh build monday.log tuesday.log.xz -o maps/ --jobs 2
   hssh build *.log -o maps/ --executor dask:tcp://cluster:8786
 """
 DEFAULT_BUDGET_S = 60.0
-_ENDINGS = {".log", ".clf", ".carmen", ".txt", ".json", ".gz", ".xz", ".bz2"}
+_ENDINGS = ENDINGS | {".log", ".clf", ".carmen", ".txt", ".json", ".gz", ".xz", ".bz2"}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    parser.add_argument("input", metavar="INPUT", nargs="+", help="a CARMEN log or a trace")
+    parser.add_argument("input", metavar="INPUT", nargs="+", help="a log, bag, ROS map or trace")
     parser.add_argument(
         "-o",
         "--output",
@@ -58,7 +62,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--best",
         metavar="K",
         type=parse_count,
-        default=5,
         help="how many maps to keep (default: 5)",
     )
     parser.add_argument(
@@ -75,7 +78,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="dask:ADDRESS",
         help="build on a Dask cluster instead; its workers have to see the same folders",
     )
-    add_budget(parser, DEFAULT_BUDGET_S)
+    add_input_options(parser)
+    add_budget(parser, None, told=f"{DEFAULT_BUDGET_S:g}")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -96,7 +100,7 @@ def _run_one(args: argparse.Namespace, source: Path) -> int:
 
     target = Path(args.output) if args.output else Path(name_output(source))
     check_target(source, target)
-    if is_knowledge_base(source):
+    if tell_kind(source) != "bag" and is_knowledge_base(source):
         raise InputError(f"{source}: is a knowledge base already; 'hssh maps {source}' reads it")
     options = gather_options(args, source)
     with show_progress(f"building {target}") as report:
@@ -126,26 +130,6 @@ def name_output(source: Path) -> str:
     return f"{name}.hssh"
 
 
-def gather_options(args: argparse.Namespace, source: Path) -> dict[str, Any]:
-    """Return the options of a build.
-
-    Raises
-    ------
-    UsageError : an option would have no effect on such an input.
-    """
-    options: dict[str, Any] = {"best": args.best, "budget_s": args.budget}
-    log_only = {
-        "poses": args.poses,
-        "level": args.level,
-        "resolution_m": args.resolution,
-    }
-    given = {key: value for key, value in log_only.items() if value is not None}
-    if given and looks_like_json(source):
-        told = " and ".join(f"--{key.removesuffix('_m')}" for key in given)
-        raise UsageError(f"{source} is a trace, for which {told} would have no effect")
-    return options | given
-
-
 def check_target(source: Path, target: Path) -> None:
     """Refuse now what would fail only after minutes of work.
 
@@ -166,8 +150,10 @@ def check_target(source: Path, target: Path) -> None:
 def _format_build(kb: KnowledgeBase, target: Path) -> str:
     lines = list[str]()
     record = kb.record
-    if record.scans and kb.trajectory is not None:
-        lines.append(f"{count_noun(record.scans, 'scan')} over {kb.trajectory.length_m:.0f} m")
+    if kb.trajectory is not None:
+        length = f"{kb.trajectory.length_m:.0f} m"
+        told = count_noun(record.scans, "scan") if record.scans else "explored by a virtual robot"
+        lines.append(f"{told} over {length}")
     lines.append(f"{count_noun(len(kb.experience), 'visit')} to places")
     if kb.rows:
         best = kb.rows[0]

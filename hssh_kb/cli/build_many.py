@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hssh_kb.build_many import BuildTask, Built, build_many
-from hssh_kb.cli.build import check_target, gather_options, name_output
+from hssh_kb.cli.build import check_target, name_output
+from hssh_kb.cli.build_options import gather_options
 from hssh_kb.cli.output import (
     count_noun,
     format_table,
