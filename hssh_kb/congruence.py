@@ -15,7 +15,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice, product
 
-from hssh_kb.experience import Experience
+from hssh_kb.experience import Experience, has_partial_types
 from hssh_kb.hypothesis import Hypothesis
 
 Gate = tuple[int, int]
@@ -65,6 +65,8 @@ class Closure:
         readings_held = [
             visit.readings[chosen.get(v, 0)] for v, visit in enumerate(experience.visits)
         ]
+        self.readings = readings_held
+        self.partial = has_partial_types(experience)
         self.stars = [reading.star for reading in readings_held]
         self.arrive = [reading.arrive for reading in readings_held]
         self.depart = [reading.depart for reading in readings_held]
@@ -151,7 +153,7 @@ class Closure:
             if self.lenient and len(one) == len(other):
                 self._rotations[key] = tuple(range(len(one)))
             else:
-                self._rotations[key] = one.isomorphisms(other)
+                self._rotations[key] = self.readings[v].isomorphisms(self.readings[w])
         return self._rotations[key]
 
     def _close_travels(self, travels: Sequence[int], classes: _Classes) -> dict[Gate, Gate]:
@@ -244,10 +246,23 @@ class _Classes:
             return
         if turn not in self.closure.rotations(one, other):
             raise _ConflictError
+        if self.closure.partial:
+            self._check_members(one, other, turn)
         if one < other:
             one, other, turn = other, one, -turn % size
         self.aligned[one] = (other, turn)
         self.unite(v, w)
+
+    def _check_members(self, one: int, other: int, turn: int) -> None:
+        """Check each visit of one frame against each of another: some types are not told."""
+        count = len(self.closure.stars)
+        frames = [(v, *self.frame(v)) for v in range(count)]
+        size = max(len(self.closure.stars[one]), 1)
+        for v, root, here in frames:
+            for w, goal, there in frames:
+                rotation = (here + turn - there) % size
+                if (root, goal) == (one, other) and rotation not in self.closure.rotations(v, w):
+                    raise _ConflictError
 
     def pairs(self, visits: Iterable[int]) -> set[tuple[int, int, int]]:
         """Return (visit, earlier visit, rotation) for all that are aligned."""

@@ -186,7 +186,7 @@ class _Seen:
     """One reading of one visit, taken apart."""
 
     def __init__(self, reading: Reading) -> None:
-        self.star = reading.star
+        self.reading, self.star = reading, reading.star
         self.size = len(reading.star)
         self.opposite = reading.star.opposites
         self.depart = reading.depart
@@ -196,11 +196,13 @@ class _Seen:
 
 def _match_stars(seen: list[_Seen]) -> dict[tuple[int, int], frozenset[int]]:
     """Give each star a number and return the isomorphisms from each to each."""
-    kinds: dict[Star, int] = {}
+    kinds: dict[tuple[Star, tuple[str, ...]], int] = {}
+    examples: dict[int, Reading] = {}
     for one in seen:
-        one.kind = kinds.setdefault(one.star, len(kinds))
+        one.kind = kinds.setdefault((one.star, one.reading.types), len(kinds))
+        examples.setdefault(one.kind, one.reading)
     return {
-        (a, b): frozenset(star.isomorphisms(other))
-        for star, a in kinds.items()
-        for other, b in kinds.items()
+        (a, b): frozenset(reading.isomorphisms(other))
+        for a, reading in examples.items()
+        for b, other in examples.items()
     }

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,8 @@ from hssh_kb.errors import InputError
 from perception.star import Dlp, Star, star_faults
 
 SCHEMA = "hssh.trace/1"
+PATH_TYPES = {"MIDLINE": 1, "LEFTWALL": 1, "RIGHTWALL": 1, "DEADEND": 0, "NONE": 0}
+"""The path types that alpha may tell, and what each says about travel (Beeson 2008, 5.1)."""
 _VISIT_KEYS = {
     "star",
     "arrive",
@@ -27,6 +29,7 @@ _VISIT_KEYS = {
     "displacement",
     "alternatives",
     "headings",
+    "types",
     "pose",
     "time_s",
 }
@@ -64,6 +67,7 @@ class Reading:
     depart : index of the dlp the robot left along; None at the last visit.
     weight : probability of this reading.
     headings : direction of each dlp in the frame of the visit, radians; empty if unknown.
+    types : path type of each dlp, one of :data:`PATH_TYPES` or "" if not known; empty if none is.
     """
 
     star: Star
@@ -71,6 +75,29 @@ class Reading:
     depart: int | None
     weight: float = 1.0
     headings: tuple[float, ...] = ()
+    types: tuple[str, ...] = ()
+
+    def isomorphisms(self, other: Reading) -> tuple[int, ...]:
+        """Return the isomorphisms of the stars under which no path types contradict each other.
+
+        Source
+        ------
+        Beeson 2008, section 5.1, with its footnote on the range of alpha.
+        """
+        turns = self.star.isomorphisms(other.star)
+        if not (self.types and other.types):
+            return turns
+        size = len(self.types)
+        return tuple(
+            r
+            for r in turns
+            if all(
+                "" in (mine, theirs) or mine == theirs
+                for mine, theirs in (
+                    (self.types[k], other.types[(k + r) % size]) for k in range(size)
+                )
+            )
+        )
 
 
 @dataclass(frozen=True)
@@ -244,6 +271,26 @@ def experience_from_data(data: Any, source: str = "trace") -> Experience:  # noq
     )
 
 
+def has_types(experience: Experience) -> bool:
+    """Return whether the type of some dlp is told."""
+    return any(reading.types for visit in experience.visits for reading in visit.readings)
+
+
+def has_partial_types(experience: Experience) -> bool:
+    """Return whether some types are told and some are not: agreement is then not transitive."""
+    readings = [reading for visit in experience.visits for reading in visit.readings]
+    return has_types(experience) and any(not r.types or "" in r.types for r in readings)
+
+
+def forget_types(experience: Experience) -> Experience:
+    """Return the experience without path types: axiom 18 then has nothing to say."""
+    visits = tuple(
+        replace(visit, readings=tuple(replace(r, types=()) for r in visit.readings))
+        for visit in experience.visits
+    )
+    return replace(experience, visits=visits)
+
+
 def _is_number(value: Any) -> bool:  # noqa: ANN401
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
@@ -292,7 +339,7 @@ def _parse_visit(
         time_s = None
     if best is None or any(reading is None for reading in others):
         return None
-    first = Reading(best.star, best.arrive, best.depart, rest, best.headings)
+    first = replace(best, weight=rest)
     return Visit(
         (first, *(reading for reading in others if reading)),
         displacement,
@@ -351,7 +398,28 @@ def _parse_reading(
     ):
         faults.add(where, f"'headings' must be {len(star)} numbers, one a dlp")
         headings = []
-    return Reading(star, arrive, depart, float(weight), tuple(map(float, headings)))
+    types = _parse_types(where, item.get("types"), star, faults)
+    return Reading(star, arrive, depart, float(weight), tuple(map(float, headings)), types)
+
+
+def _parse_types(
+    where: str,
+    types: Any,  # noqa: ANN401
+    star: Star,
+    faults: _Faults,
+) -> tuple[str, ...]:
+    if types is None:
+        return ()
+    if not isinstance(types, list) or len(types) != len(star):
+        faults.add(where, f"'types' must be {len(star)} path types, one a dlp, null if unknown")
+        return ()
+    for dlp, told in zip(star.dlps, types, strict=True):
+        if told is not None and (not isinstance(told, str) or told not in PATH_TYPES):
+            faults.add(where, f"path type {told!r} of {dlp} is none of {', '.join(PATH_TYPES)}")
+        elif told is not None and PATH_TYPES[told] != dlp.alpha:
+            faults.add(where, f"path type {told} of {dlp} contradicts its alpha {dlp.alpha}")
+    known = tuple(told if isinstance(told, str) else "" for told in types)
+    return known if any(known) else ()
 
 
 def _parse_index(
@@ -448,6 +516,8 @@ def _reading_to_data(reading: Reading) -> dict[str, Any]:
     }
     if reading.headings:
         data["headings"] = list(reading.headings)
+    if reading.types:
+        data["types"] = [told or None for told in reading.types]
     return data
 
 

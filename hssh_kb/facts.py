@@ -58,6 +58,9 @@ def _reading_facts(v: int, r: int, reading: Reading) -> Iterator[str]:
     yield f"size({v},{r},{len(star)})."
     for k, (alpha, opposite) in enumerate(zip(star.alpha, star.opposites, strict=True)):
         yield f"dlp({v},{r},{k},{alpha},{opposite})."
+    for k, told in enumerate(reading.types):
+        if told:
+            yield f"path_type({v},{r},{k},{told.lower()})."
     if reading.arrive is not None:
         yield f"arrives({v},{r},{reading.arrive})."
     if reading.depart is not None:
@@ -74,7 +77,7 @@ def candidate_facts(experience: Experience, visits: int | None = None) -> str:
                 r
                 for one in experience.visits[v].readings
                 for other in experience.visits[p].readings
-                for r in one.star.isomorphisms(other.star)
+                for r in one.isomorphisms(other)
             }
             facts += [f"candidate({v},{p},{r})." for r in sorted(turns)]
     return " ".join(facts) + "\n"

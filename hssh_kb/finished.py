@@ -19,7 +19,7 @@ from perception.errors import InputError as StarError
 from perception.star import Dlp, star_faults
 
 MAP_SCHEMA = "hssh.map/1"
-_NEEDS_VISITS = ("star_isomorphism",)
+_NEEDS_VISITS = ("star_isomorphism", "path_types")
 _NEEDS_VIEWS = ("view_function",)
 _INPUTS = {
     ("dstate", 1),

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from hssh_kb.enumerator import TreeEnumerator
 from hssh_kb.errors import UsageError
-from hssh_kb.experience import Experience
+from hssh_kb.experience import Experience, has_partial_types
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.oracle import Oracle
 from hssh_kb.planarity import make_planarity_test
@@ -197,7 +197,7 @@ def _enumerate(
     rules: str = "",
 ) -> Enumeration:
     readings = has_alternatives(experience)
-    if engine == "tree" and not rules:
+    if engine == "tree" and not rules and not has_partial_types(experience):
         end = None if budget_s is None else time.monotonic() + budget_s
         tree = TreeEnumerator(
             experience, count, order=order, planarity=planarity, limit=limit, end=end

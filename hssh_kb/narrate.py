@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from hssh_kb.congruence import Assumption, Closure
 from hssh_kb.errors import InternalError
-from hssh_kb.experience import Experience
+from hssh_kb.experience import Experience, has_types
 from hssh_kb.facts import experience_to_facts
 from hssh_kb.oracle import AXIOMS, Literal, assumption_facts
 from hssh_kb.solver import Symbol, is_satisfiable, solve_best
@@ -16,6 +16,7 @@ from hssh_kb.theory import axiom_program, find_axiom, read_messages, read_progra
 _BY_WEIGHT = (
     "planarity",
     "order_irreflexive",
+    "path_types",
     "star_isomorphism",
     "reversibility",
     "travel_function",
@@ -24,6 +25,8 @@ _BY_WEIGHT = (
 
 
 _WIDE_LIMIT = 6
+_COMPARES = ("star_isomorphism", "path_types")
+"""Axioms that compare what was seen at two visits."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,10 @@ class Narrator:
         self, experience: Experience, assumptions: Sequence[Assumption], *, planarity: bool
     ) -> None:
         self.experience, self.assumptions = experience, assumptions
-        self.axioms = [name for name in AXIOMS if planarity or name != "planarity"]
+        left_out = set() if planarity else {"planarity"}
+        if not has_types(experience):
+            left_out.add("path_types")
+        self.axioms = [name for name in AXIOMS if name not in left_out]
 
     def explain(self, conflict: frozenset[Literal], budget_s: float | None = None) -> Reason:
         """Return the reason of a minimal conflict.
@@ -210,7 +216,7 @@ class Narrator:
             )
             told += f", and by {laws}"
         numbers = _numbers(witness[1])
-        if violated == "star_isomorphism" and len(numbers) >= 2:
+        if violated in _COMPARES and len(numbers) >= 2:
             told += f", {self._label(numbers[0])} and {self._label(numbers[1])} would be one place"
             return f"{told}, yet "
         return f"{told}, "
@@ -227,7 +233,7 @@ class Narrator:
 
     def _words(self, violated: str, numbers: Sequence[int]) -> dict[str, str]:
         """Return what fills the placeholders of a message."""
-        if violated == "star_isomorphism":
+        if violated in _COMPARES:
             a, b = numbers[0], numbers[1]
             words = {
                 "a": self._label(a),

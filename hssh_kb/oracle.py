@@ -9,7 +9,7 @@ from math import log
 from typing import NamedTuple
 
 from hssh_kb.congruence import Assumption, Closure
-from hssh_kb.experience import Experience
+from hssh_kb.experience import Experience, has_types
 from hssh_kb.facts import experience_to_facts
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.planarity import is_planar
@@ -35,6 +35,7 @@ SEARCH_LIMIT = 30
 
 AXIOMS = (
     "star_isomorphism",
+    "path_types",
     "travel_function",
     "reversibility",
     "order_irreflexive",
@@ -179,6 +180,8 @@ class Oracle:
         return None
 
     def _holds(self, axiom: str) -> bool:
+        if axiom == "path_types":
+            return has_types(self.experience)
         return self.planarity or axiom != "planarity"
 
     def program(self, active: frozenset[Literal], axioms: Iterable[str]) -> str:
@@ -215,7 +218,7 @@ class Oracle:
                         r
                         for one in visit.readings
                         for other in there.readings
-                        for r in one.star.isomorphisms(other.star)
+                        for r in one.isomorphisms(other)
                     }
                 out += [f"candidate({v},{p},{r})." for r in sorted(turns)]
         return out

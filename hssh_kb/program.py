@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from hssh_kb.experience import Experience
+from hssh_kb.experience import Experience, has_types
 from hssh_kb.facts import candidate_facts, experience_to_facts
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.solver import Symbol
@@ -41,6 +41,8 @@ def strict_program(
         names.append(generator)
     if generator != "given" or has_alternatives(experience):
         names.append(axiom_program("star_isomorphism"))
+    if has_types(experience):
+        names.append(axiom_program("path_types"))
     names += map(axiom_program, ("travel_function", "reversibility"))
     if order:
         names.append(axiom_program("order_irreflexive"))

@@ -69,6 +69,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--query", metavar="ATOMS", help="what holds in the maps, as literals with commas between"
     )
     parser.add_argument("--no-planarity", action="store_true", help="allow paths to cross anywhere")
+    parser.add_argument(
+        "--no-path-types", action="store_true", help="leave aside the path types a trace may tell"
+    )
     parser.add_argument("--no-order", action="store_true", help="allow circular paths")
     add_budget(parser, None, told=f"{DEFAULT_BUDGET_S:g}")
     parser.add_argument(
@@ -80,6 +83,7 @@ def run(args: argparse.Namespace) -> int:
     """Rank the maps and print them."""
     from hssh_kb.answers import document_maps
     from hssh_kb.basic import is_basic_trace
+    from hssh_kb.experience import forget_types
     from hssh_kb.kb import KnowledgeBase
     from hssh_kb.ranking import rank_maps
     from hssh_kb.store import read_kb_or_trace
@@ -93,6 +97,10 @@ def run(args: argparse.Namespace) -> int:
     stored = found if isinstance(found, KnowledgeBase) else None
     experience = found.experience if isinstance(found, KnowledgeBase) else found
     tell_notices(() if stored else experience.notices)
+    if args.no_path_types:
+        if stored:
+            raise UsageError("--no-path-types has no effect on maps that are stored; give a trace")
+        found = experience = forget_types(experience)
     if args.query is not None:
         return run_query(args, found, args.budget or DEFAULT_BUDGET_S)
     if stored and not asked and (not args.best or args.best <= len(stored.hypotheses)):

@@ -74,7 +74,8 @@ def compare(label: str, *, stubs: bool) -> bool:
         slopes[name] = fit_exponent(means)
         print(
             f"{name:<22}{told}{'        -' * (LONGEST - len(means))}  "
-            f"exponent {slopes[name]:.2f} a travel over {len(means)} lengths, {time.perf_counter() - start:.1f} s"
+            f"exponent {slopes[name]:.2f} a travel over {len(means)} lengths, "
+            f"{time.perf_counter() - start:.1f} s"
         )
     ratio = slopes["basic, looks around"] / slopes["hybrid"]
     driven = slopes["basic, as driven"] / slopes["hybrid"]
