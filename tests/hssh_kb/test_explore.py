@@ -5,15 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from exploring import BruteForce, know, look, start_robot, with_misreadings
+from exploring import SYMBOLS, BruteForce, know, look, start_robot, with_misreadings
 from small_kbs import make_kb
+from symbolic_walks import observe
 
 from hssh_kb.errors import NoAnswerError, UsageError
-from hssh_kb.experience import make_experience
+from hssh_kb.experience import Experience, Reading, Visit, make_experience
 from hssh_kb.explore import WORTH_BITS, explore, find_doubt, select_agenda, weigh_rivals
 from hssh_kb.explore_document import document_exploration
 from hssh_kb.explore_words import word_view, word_way
-from hssh_kb.foresight import Foresight, see_star
+from hssh_kb.foresight import Foresight, Stand, see_star
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.kb import KnowledgeBase
 from hssh_kb.maps import enumerate_maps
@@ -310,3 +311,42 @@ def test_the_agenda_is_a_set_of_frontiers():
     walks = list_walks(graph, foresight)
     listed = {(w.place, w.dlp) for w in select_agenda(graph, walks)}
     assert listed == {(p.label, k) for p in graph.places.values() for k in p.frontiers}
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_where_the_list_of_dlps_begins_changes_nothing(seed):
+    robot = start_robot(seed, travels=(6, 9))
+    gains = []
+    for turned in (False, True):
+        eyes = replace(SYMBOLS, turned=turned)
+        truth = observe(robot.world, robot.walk, eyes, np.random.default_rng(seed))
+        visits = tuple(Visit(visit.readings) for visit in truth.experience.visits)
+        experience = Experience(visits)
+        maps = enumerate_maps(experience).maps
+        true = truth.hypothesis()
+        lead = [(h.visits, h.offsets) for h in maps].index((true.visits, true.offsets))
+        weights = np.full(len(maps), 1 / len(maps))
+        foresight = Foresight(experience, maps, weights, lead=lead)
+        walks = list_walks(build_place_graph(experience, maps[lead]), foresight)
+        gains.append({walk.turns[0]: walk.gain_bits for walk in walks if not walk.way})
+    assert gains[0] == pytest.approx(gains[1])
+
+
+@pytest.mark.parametrize("headings", [True, False])
+def test_maps_that_read_the_last_star_differently_leave_it_in_one_direction(headings):
+    """One reading has an arm more, and its list of dlps begins elsewhere."""
+    ways = (0.0, -math.pi / 2, math.pi, math.pi / 2)
+    three, four = ["a+1", "b+1", "a-1", "b-0"], ["b+1", "a-1", "b-1", "a+1"]
+    turned = ways[1:] + ways[:1]
+    last = Visit(
+        (
+            Reading(Star.parse(three), 0, None, 0.6, ways if headings else ()),
+            Reading(Star.parse(four), 3, None, 0.4, turned if headings else ()),
+        )
+    )
+    first = make_experience([(CORRIDOR, None, 0), (CORRIDOR, 0, None)]).visits[0]
+    experience = Experience((first, last))
+    maps = (Hypothesis((0, 1), (0, 0)), Hypothesis((0, 1), (0, 0), (0, 1)))
+    foresight = Foresight(experience, maps, np.array([0.6, 0.4]))
+    back = foresight.step(foresight.start(), 2)
+    assert back.stands == (Stand(0, 1), Stand(0, 1) if headings else None)
