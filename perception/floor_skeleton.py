@@ -118,7 +118,7 @@ def _find_sides(
         parts, stats = np.asarray(found[0], np.int32), np.asarray(found[1], np.int32)
         deepest = np.zeros(count, np.float32)
         np.maximum.at(deepest, parts[open_ > 0], distance[open_ > 0])
-        for k in np.flatnonzero(deepest >= 1.3 * midline_px):
+        for k in np.flatnonzero(deepest >= 1.5 * midline_px):
             if k == 0:
                 continue
             x, y, w, h = stats[k, :4]
