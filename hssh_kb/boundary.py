@@ -5,11 +5,26 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from hssh_kb.errors import BudgetError
 from hssh_kb.experience import Experience
 from hssh_kb.finished import claim_to_facts
 from hssh_kb.hypothesis import Hypothesis
-from hssh_kb.solver import Symbol, solve_all
+from hssh_kb.solver import Symbol, solve_all, solve_minimal
 from hssh_kb.theory import read_programs
+
+_READ = (
+    "along/3",
+    "on/2",
+    "at/2",
+    "schema/3",
+    "is_travel/1",
+    "star_size/2",
+    "opposite_dlp/3",
+)
+_SIDES = ("left", "right", "abnormal")
+Sides = dict[str, frozenset[int]]
+CHOICE_LIMIT = 1000
+"""At most so many minimal choices of the abnormal places of one path are looked at."""
 
 
 @dataclass(frozen=True)
@@ -20,8 +35,11 @@ class Boundary:
     ----------
     path : (place, dlp): the path is named after its first place and the lesser of its dlps there;
         left and right are seen looking along this dlp.
-    on : places on the path. left, right : places beside it.
-    abnormal : places that would be on both sides, and so are on neither.
+    on : places on the path.
+    left, right : places beside it in every minimal choice of what is abnormal.
+    abnormal : places that are abnormal in some minimal choice.
+    choices : how many minimal choices there are.
+    complete : False if there are more than were looked at; the regions may then be too large.
     """
 
     path: tuple[int, int]
@@ -29,36 +47,80 @@ class Boundary:
     left: tuple[int, ...]
     right: tuple[int, ...]
     abnormal: tuple[int, ...]
+    choices: int = 1
+    complete: bool = True
 
 
-def find_boundaries(experience: Experience, hypothesis: Hypothesis) -> tuple[Boundary, ...]:
+def find_boundaries(
+    experience: Experience,
+    hypothesis: Hypothesis,
+    *,
+    budget_s: float | None = None,
+) -> tuple[Boundary, ...]:
     """Return the boundary regions of all paths of a map, by path.
+
+    Parameters
+    ----------
+    experience, hypothesis : a map of an experience.
+    budget_s : seconds to spend on each path.
+
+    Raises
+    ------
+    BudgetError : not one minimal choice was found in time.
 
     Source
     ------
-    ``axioms/boundary.lp``, after Remolina & Kuipers 2004.
+    ``axioms/boundary.lp``, after Remolina & Kuipers 2004: abnormality is circumscribed.
     """
-    program = read_programs(["experience", "map", "named", "boundary"])
-    program += claim_to_facts(experience, hypothesis)
-    program += "#show. #show on/2. #show beside/3. #show abnormal(H,both,P) : abnormal(H,P).\n"
-
-    def convert(symbols: Sequence[Symbol]) -> dict[tuple[int, int], dict[str, list[int]]]:
-        regions: dict[tuple[int, int], dict[str, list[int]]] = {}
-        for symbol in sorted(symbols):
-            first, second = (argument.number for argument in symbol.arguments[0].arguments[:2])
-            kinds = regions.setdefault((first, second), {})
-            if symbol.name == "on":
-                kinds.setdefault("on", []).append(symbol.arguments[1].number)
-            elif symbol.name in ("beside", "abnormal"):
-                kind = symbol.arguments[1].name
-                kinds.setdefault(kind, []).append(symbol.arguments[2].number)
-        return regions
-
-    regions = solve_all(program, convert).found[0]
+    named = read_programs(["experience", "map", "named"])
+    named += claim_to_facts(experience, hypothesis)
+    named += "#show. " + " ".join(f"#show {atom}." for atom in _READ)
+    symbols = solve_all(named, sorted).found[0]
+    facts = "".join(f"{symbol}.\n" for symbol in symbols)
+    places: dict[tuple[int, int], list[int]] = {}
+    for symbol in symbols:
+        if symbol.name == "on":
+            path, place = symbol.arguments
+            first, dlp = (argument.number for argument in path.arguments)
+            places.setdefault((first, dlp), []).append(place.number)
     return tuple(
-        Boundary(
-            path,
-            *(tuple(sorted(kinds.get(kind, ()))) for kind in ("on", "left", "right", "both")),
-        )
-        for path, kinds in sorted(regions.items())
+        _find_regions(path, tuple(sorted(on)), facts, budget_s)
+        for path, on in sorted(places.items())
     )
+
+
+def _find_regions(
+    path: tuple[int, int], on: tuple[int, ...], facts: str, budget_s: float | None
+) -> Boundary:
+    """Return the regions of one path: what all minimal choices agree on."""
+    program = read_programs(["boundary"]) + facts
+    program += f"asked(path({path[0]},{path[1]})). #show. #show beside/3. #show abnormal/2.\n"
+    found = solve_minimal(
+        program, [[("abnormal", 2)]], _read_sides, limit=CHOICE_LIMIT, budget_s=budget_s
+    )
+    if not found.found:
+        raise BudgetError(
+            f"the budget of {budget_s or 0:g} s was spent on the sides of path{path}; give more"
+        )
+    left = frozenset.intersection(*(sides["left"] for sides in found.found))
+    right = frozenset.intersection(*(sides["right"] for sides in found.found))
+    abnormal = frozenset.union(*(sides["abnormal"] for sides in found.found))
+    return Boundary(
+        path,
+        on,
+        tuple(sorted(left)),
+        tuple(sorted(right)),
+        tuple(sorted(abnormal)),
+        len(found.found),
+        found.complete,
+    )
+
+
+def _read_sides(symbols: Sequence[Symbol]) -> Sides:
+    sides: dict[str, set[int]] = {name: set() for name in _SIDES}
+    for symbol in symbols:
+        if symbol.name == "abnormal":
+            sides["abnormal"].add(symbol.arguments[1].number)
+        else:
+            sides[symbol.arguments[1].name].add(symbol.arguments[2].number)
+    return {name: frozenset(places) for name, places in sides.items()}

@@ -1,7 +1,7 @@
 """Left and right of a path against the geometry of the world that was driven through."""
 
 import random
-from itertools import pairwise
+from itertools import combinations, pairwise, permutations
 
 import pytest
 import worlds
@@ -21,36 +21,55 @@ def true_map(world, route, rotations):
     return Hypothesis(tuple(visits), tuple(offsets)), first
 
 
-def regions_by_geometry(world, route, line):
-    """Cells left and right (west, east or north, south) reached without meeting a line of cells."""
+def expose(world, route, line):
+    """Cells to which one steps off a line of cells to its left and right, and the ways beyond."""
     driven = {frozenset(pair) for pair in pairwise(route)}
-
-    def neighbours(cell):
-        return [next(iter(edge - {cell})) for edge in driven if cell in edge]
-
     heading = (line[1][0] - line[0][0], line[1][1] - line[0][1])
     sides = {"left": set(), "right": set()}
-    for cell in line:
-        for other in neighbours(cell):
-            if other in line:
+    beyond = {}
+    for one, other in (pair for edge in driven for pair in permutations(edge, 2)):
+        if other in line:
+            continue
+        if one not in line:
+            beyond.setdefault(one, set()).add(other)
+            continue
+        turn = heading[0] * (other[1] - one[1]) - heading[1] * (other[0] - one[0])
+        if turn:
+            sides["left" if turn > 0 else "right"].add(other)
+    return sides, beyond
+
+
+def spread(start, beyond, abnormal):
+    """Cells reached from the first ones, none of them abnormal."""
+    region = set(start) - abnormal
+    todo = list(region)
+    while todo:
+        for other in beyond.get(todo.pop(), set()) - abnormal - region:
+            region.add(other)
+            todo.append(other)
+    return region
+
+
+def regions_by_force(world, route, line):
+    """Try every set of abnormal cells, small ones first; keep the minimal ones that do."""
+    sides, beyond = expose(world, route, line)
+    cells = sorted(spread(sides["left"] | sides["right"], beyond, set()))
+    minimal = []
+    for count in range(len(cells) + 1):
+        for some in combinations(cells, count):
+            abnormal = set(some)
+            if any(kept <= abnormal for kept, _, _ in minimal):
                 continue
-            dx, dy = other[0] - cell[0], other[1] - cell[1]
-            turn = heading[0] * dy - heading[1] * dx
-            if turn:
-                sides["left" if turn > 0 else "right"].add(other)
-    for region in sides.values():
-        todo = list(region)
-        while todo:
-            for other in neighbours(todo.pop()):
-                if other not in line and other not in region:
-                    region.add(other)
-                    todo.append(other)
-    both = sides["left"] & sides["right"]
-    return sides["left"] - both, sides["right"] - both, both
+            left = spread(sides["left"], beyond, abnormal)
+            right = spread(sides["right"], beyond, abnormal)
+            if not left & right:
+                minimal.append((abnormal, left, right))
+    abnormal, left, right = zip(*minimal, strict=True)
+    return set.intersection(*left), set.intersection(*right), set.union(*abnormal), len(minimal)
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_regions_are_those_of_the_plane(seed):
+def test_regions_are_those_of_brute_force_in_the_plane(seed):
     rng = random.Random(seed)
     world = worlds.grid(3, 3) if seed % 2 else worlds.random_world(rng)
     route = worlds.random_walk(rng, world, 24)
@@ -67,7 +86,9 @@ def test_regions_are_those_of_the_plane(seed):
         line.sort(key=lambda c, d=world.arms[arm]: c[0] * d[0] + c[1] * d[1])
         if len(line) < 2:
             continue
-        left, right, both = regions_by_geometry(world, route, line)
+        left, right, both, choices = regions_by_force(world, route, line)
+        assert boundary.complete
+        assert boundary.choices == choices
         assert {cells[p] for p in boundary.left} == left
         assert {cells[p] for p in boundary.right} == right
         assert {cells[p] for p in boundary.abnormal} == both
@@ -80,4 +101,5 @@ def test_no_place_lies_on_a_path_and_beside_it():
     hypothesis, _ = true_map(world, route, [0] * len(route))
     for boundary in find_boundaries(world.drive(route), hypothesis):
         groups = [set(boundary.on), set(boundary.left), set(boundary.right)]
+        groups.append(set(boundary.abnormal))
         assert sum(map(len, groups)) == len(set.union(*groups))
