@@ -93,6 +93,6 @@ class LeafQueues:
         return depth, float(prospects[depth])
 
     def list_best(self, depth: int, k: int) -> list[Node]:
-        """Return the maps among the k best items of a depth, best first."""
-        found = heapq.nsmallest(k, self._heaps[depth])
-        return [item for _, _, item in found if isinstance(item, Node)]
+        """Return the k best maps that wait at a depth, best first."""
+        nodes = [item for item in self._heaps[depth] if isinstance(item[2], Node)]
+        return [node for _, _, node in heapq.nsmallest(k, nodes) if isinstance(node, Node)]

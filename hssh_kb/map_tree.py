@@ -56,6 +56,8 @@ class LeafState:
     firsts: tuple[int, ...]
     place_readings: tuple[int, ...]
     bearings: tuple[complex, ...]
+    prediction: Prediction | None = None
+    newness: tuple[float, float] | None = None
 
 
 class Node:
@@ -122,6 +124,10 @@ class MapTree:
     ----------
     score : parameters of the log posterior.
     order, planarity : which axioms to hold the maps to.
+
+    Attributes
+    ----------
+    work : units of work done so far; see :mod:`hssh_kb.search_budget`.
     """
 
     def __init__(self, score: Score, *, order: bool = True, planarity: bool = True) -> None:
@@ -129,13 +135,13 @@ class MapTree:
         self.order, self.planarity = order, planarity
         self.visits: list[Visit] = []
         self.root: Node | None = None
-        self.made = 0
+        self.made = self.work = 0
         self._shapes: list[tuple[int, ...]] = []
         self._shape_of: dict[tuple[tuple[int, ...], tuple[int, ...]], int] = {}
         self._turns: dict[tuple[int, int], tuple[int, ...]] = {}
         self._cache: OrderedDict[int, tuple[Node, int]] = OrderedDict()
         self._cached_bytes = 0
-        self._predicted: tuple[LeafState, int, Prediction] | None = None
+        self._matches: dict[tuple[int, int, int, int, int], tuple[float, float, float]] = {}
 
     def add_visit(self, visit: Visit) -> list[Node]:
         """Take in one more visit; returns the new roots if it is the first, else nothing.
@@ -225,13 +231,12 @@ class MapTree:
             self._cached_bytes -= freed
 
     def predict(self, state: LeafState, visit: int) -> Prediction:
-        """Return where a visit should be, after a map."""
-        kept = self._predicted
-        if kept is not None and kept[0] is state and kept[1] == visit:
-            return kept[2]
-        prediction = state.filter.predict(self.visits[visit].displacement, self.score.length_m)
-        self._predicted = state, visit, prediction
-        return prediction
+        """Return where the next visit should be, after a map."""
+        if state.prediction is None:
+            self.work += 1 + len(state.firsts) // 50
+            move = self.visits[visit].displacement
+            state.prediction = state.filter.predict(move, self.score.length_m)
+        return state.prediction
 
     def leave(self, state: LeafState, visit: int) -> int | None:
         """Return the index, in its place's star, of the dlp that leads to a visit."""
@@ -254,6 +259,7 @@ class MapTree:
         place, offset, i, doubted = decision
         star = self.visits[v].readings[i].star
         new = place == len(state.firsts)
+        self.work += 2 + len(state.firsts) ** 2 // 1000
         judge, firsts, read = state.judge, state.firsts, state.place_readings
         bearings = state.bearings
         if new:
@@ -284,13 +290,17 @@ class MapTree:
 
     def _match(self, state: LeafState, v: int, decision: Decision) -> tuple[float, float, float]:
         first, read = state.firsts[decision.place], state.place_readings[decision.place]
-        reading = self.visits[v].readings[decision.reading]
-        return self.score.match_headings(
-            self.visits[first].readings[read].headings,
-            reading.headings,
-            decision.offset,
-            reading.star.alpha,
-        )
+        key = v, decision.reading, first, read, decision.offset
+        known = self._matches.get(key)
+        if known is None:
+            reading = self.visits[v].readings[decision.reading]
+            known = self._matches[key] = self.score.match_headings(
+                self.visits[first].readings[read].headings,
+                reading.headings,
+                decision.offset,
+                reading.star.alpha,
+            )
+        return known
 
     def _tell_bearings(
         self, state: LeafState, v: int, depart: int, enter: int, size: int
@@ -342,7 +352,10 @@ class MapTree:
         taken: bool,
         lean: bool,
     ) -> Iterator[Option]:
-        layout, exclusion = self.score.weigh_new(prediction)
+        self.work += 1
+        if state.newness is None:
+            state.newness = self.score.weigh_new(prediction)
+        layout, exclusion = state.newness
         place = len(state.firsts)
         for i, reading in enumerate(self.visits[v].readings):
             if lean and i:
@@ -413,6 +426,7 @@ class MapTree:
         depart: int | None,
         decision: Decision,
     ) -> Addends:
+        self.work += 1
         turn, var, misfit = self._match(state, v, decision)
         innovation = prediction.measure(decision.place, turn)
         layout, heading, _ = self.score.weigh_closure(prediction, innovation, var)

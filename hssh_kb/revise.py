@@ -78,6 +78,8 @@ def _try_change(
     """Return the changed map if it is better; first as strictly as the change says."""
     goal = node.score + 1e-9
     for loose in (False, True) if tree.score.slip else (True,):
+        if is_over():
+            return None
         made = thread_visits(tree, node, change, loose=loose)
         if made is not None and made.score <= goal and change.key[0] == "merge":
             made = _merge_on(tree, made, goal, is_over, loose)
@@ -105,6 +107,8 @@ def _merge_on(
             visits = first[pair[0]], first[pair[1]]
             if visits in failed:
                 continue
+            if is_over():
+                return None
             change = Change(("merge", *pair), _merge_labels(labels, [pair]))
             made = thread_visits(tree, node, change, loose=loose)
             if made is not None and made.places < node.places:
@@ -264,26 +268,35 @@ def _take_best(
     """Return the best child that takes the next visit as wanted, or else as fits best."""
     if node.visit < 0:
         return None
-    v = node.visit + 1
-    choices: list[Decision] = []
-    if place < 0:
-        choices = [wanted, wanted._replace(doubted=True)]
-    else:
+    v, ways = node.visit + 1, [wanted]
+    if place >= 0:
         state = tree.state_of(node)
         first, read_as = state.firsts[place], state.place_readings[place]
-        for i in range(len(tree.visits[v].readings)):
-            for offset in tree.isomorphisms(v, i, first, read_as):
-                choices += [Decision(place, offset, i, doubt) for doubt in (False, True)]
-    options = [
-        tree.weigh(node, choice)
-        for choice in choices
-        if (tree.score.slip or not choice.doubted) and (choice.doubted or not blamed)
-    ]
+        ways = [
+            Decision(place, offset, i, False)
+            for i in range(len(tree.visits[v].readings))
+            for offset in tree.isomorphisms(v, i, first, read_as)
+        ]
+    options = [option for one in ways for option in _weigh_ways(tree, node, one, blamed)]
     best = _find_best(options)
     if loose and (best is None or (best.decision.doubted and not blamed)):
         # A gateway that is known to lead elsewhere may be better followed than doubted.
         best = _find_best([best, *tree.options(node, lean=True)])
     return None if best is None else tree.child(node, best)
+
+
+def _weigh_ways(
+    tree: MapTree, node: Node, decision: Decision, blamed: bool
+) -> Iterator[Option | None]:
+    """Yield a decision believed and doubted, as far as either is worth weighing."""
+    if not blamed:
+        believed = tree.weigh(node, decision._replace(doubted=False))
+        yield believed
+        stands = believed is not None and believed.refusal is None
+        if stands and tree.visits[node.visit + 1].readings[0].headings:
+            return  # where headings are known, doubt only costs
+    if tree.score.slip:
+        yield tree.weigh(node, decision._replace(doubted=True))
 
 
 def _find_best(options: Sequence[Option | None]) -> Option | None:

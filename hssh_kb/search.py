@@ -14,7 +14,6 @@ the prospect, the cycles and the repairs are ours.
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import dataclass
 
 from hssh_kb.errors import InputError
@@ -25,13 +24,16 @@ from hssh_kb.map_tree import GATE_NATS, MapTree, Node
 from hssh_kb.repair import Repair, propose_repairs
 from hssh_kb.revise import revise_map
 from hssh_kb.score import Score, estimate_score
+from hssh_kb.search_budget import Budget, allow_work
 
 _STUCK = 24  # expansions without getting deeper, before the depths are tried in turn
 _WINDOW = 16  # depths tried in turn at first; doubled each time that is in vain
 _SLACK_NATS = 24.0  # leaves that much below the best of their depth are not worth a turn
 _SURPRISE_NATS = 1.5  # what the favourite may pay beyond a new place before others get a turn
-_REVISED_VISITS = 20_000  # visits threaded anew for one revision at most, where travels slip
-_REVISED_FEW = 1_500  # ... where they do not, and best-first search seldom errs
+_REVISED_WORK = 60_000  # units of work for one revision at most, where travels slip
+_REVISED_LITTLE = 5_000  # ... where they do not, and best-first search seldom errs
+_HURRY = 0.4  # share of the budget after which the best map is taken to the end as it is
+_COMPLETED = 8  # maps taken to the end when the budget is spent
 _REGRET_NATS = 8.0  # a best map this close to the highest hopes needs little doubt
 
 
@@ -48,6 +50,7 @@ class SearchResult:
     leaves : maps that wait.
     inconsistent_from : the first visit that no map could explain, None if all are explained.
     reason : one sentence on how the search ended.
+    spent : it ended because the budget was spent.
     """
 
     maps: tuple[Hypothesis, ...]
@@ -56,6 +59,7 @@ class SearchResult:
     leaves: int
     inconsistent_from: int | None
     reason: str
+    spent: bool = False
 
 
 class TreeOfMaps:
@@ -66,6 +70,12 @@ class TreeOfMaps:
     score : parameters of the log posterior; estimated from ``experience`` if not given.
     experience : visits to start with.
     order, planarity : which axioms to hold the maps to.
+
+    Attributes
+    ----------
+    tree : the maps.
+    expansions : maps grown.
+    spent : the latest search ended because its budget was spent.
 
     Source
     ------
@@ -86,6 +96,7 @@ class TreeOfMaps:
             score = estimate_score(self._experience)
         self._keywords = {"order": order, "planarity": planarity}
         self._slip = self._experience.slip
+        self.spent = False
         self._reset(score)
         visits = list(self._experience.visits)
         self._visits: list[Visit] = []
@@ -198,12 +209,22 @@ class TreeOfMaps:
 
     # -- searching -------------------------------------------------------------------------
 
-    def search(self, *, budget_s: float | None = None, patience: int | None = None) -> None:
+    def search(
+        self,
+        *,
+        budget_s: float | None = None,
+        budget_work: float | None = None,
+        patience: int | None = None,
+    ) -> None:
         """Grow maps until the best complete ones are found or the budget is spent.
+
+        Where travels may slip, there always is a complete map: when the budget is spent before
+        one was met, the best maps of the most visits are taken to the end greedily.
 
         Parameters
         ----------
         budget_s : seconds of wall time; None for no limit.
+        budget_work : units of work, the same on every machine; None for no limit.
         patience : how many cycles in vain to spend on rivals of the best complete map, each
             reaching twice as far back as the one before; None for as many as its regret
             against the highest hopes calls for. While visits arrive one by one, 0 or 1 is
@@ -212,30 +233,36 @@ class TreeOfMaps:
         last = len(self._visits) - 1
         if last < 1:
             return
-        start = time.monotonic()
-        end = math.inf if budget_s is None else start + budget_s
-        hurry = math.inf if budget_s is None else start + 0.4 * budget_s
-        self._stale, self._window, idle = 0, _WINDOW, 0
-        while time.monotonic() < end:
+        budget = Budget(lambda: self.tree.work, budget_work, budget_s)
+        self._stale, self._window = 0, _WINDOW
+        self._grow_all(budget, patience)
+        if not self._has_complete() and self.score.slip > 0:
+            self._dive(_COMPLETED)
+        if self._has_complete() and self._is_doubtful(self._queues.choose_depth()[1]):
+            self._revise(last, budget, 4)
+        self.spent = budget.is_spent()
+
+    def _grow_all(self, budget: Budget, patience: int | None) -> None:
+        """Grow maps until no rival of the best complete one is worth it."""
+        last, idle = len(self._visits) - 1, 0
+        while not budget.is_spent():
             depth, prospect = self._queues.choose_depth()
             if prospect == -math.inf:
                 if self._has_complete() or not self._open_reserve():
-                    break
+                    return
             elif self._has_complete():
                 if idle == 0 and self._is_doubtful(prospect):
-                    self._revise(last, end)
+                    self._revise(last, budget)
                 if idle >= (self._count_cycles(prospect) if patience is None else patience):
-                    break
-                idle = 0 if self._run_cycle(end) else idle + 1
+                    return
+                idle = 0 if self._run_cycle(budget) else idle + 1
             elif self._stale <= _STUCK and self._surprise < _SURPRISE_NATS:
                 self._grow_at(depth)
-            elif time.monotonic() > hurry or self._is_lost():
-                self._revise(self._deepest, end)
+            elif budget.is_spent(_HURRY) or self._is_lost():
+                self._revise(self._deepest, budget)
                 self._dive()
             else:
-                self._run_cycle(end)
-        if self._has_complete() and self._is_doubtful(self._queues.choose_depth()[1]):
-            self._revise(last, end, 4)
+                self._run_cycle(budget)
 
     def _has_complete(self) -> bool:
         return self._queues.has_items(len(self._visits) - 1)
@@ -254,7 +281,7 @@ class TreeOfMaps:
         regret = prospect - float(self._queues.tops[-1])
         return self.score.slip > 0 or regret >= _REGRET_NATS
 
-    def _run_cycle(self, end: float) -> bool:
+    def _run_cycle(self, budget: Budget) -> bool:
         """Grow the best leaf of each of the deepest depths in turn, and the best of all.
 
         Maps are then compared with others that have explained the same visits. Returns whether
@@ -264,11 +291,11 @@ class TreeOfMaps:
         self._surprise = 0.0
         before = self._deepest, float(queues.tops[last])
         depth = max(0, self._deepest - self._window)
-        while depth < min(self._deepest + 1, last) and time.monotonic() < end:
+        while depth < min(self._deepest + 1, last) and not budget.is_spent():
             if queues.tops[depth] > queues.peaks[depth] - _SLACK_NATS:
                 self._grow_at(depth)
             depth += 1
-        if time.monotonic() < end:
+        if not budget.is_spent():
             depth, prospect = queues.choose_depth()
             if prospect > -math.inf:
                 self._grow_at(depth)
@@ -277,30 +304,25 @@ class TreeOfMaps:
             return True
         self._window = min(2 * self._window, max(last, _WINDOW))
         if self.score.slip > 0 and not self._has_complete():
-            self._revise(self._deepest, end)
+            self._revise(self._deepest, budget)
         return False
 
-    def _dive(self) -> None:
+    def _dive(self, count: int = 1) -> None:
         """Grow the best of the deepest maps, and always its best child, to the last visit."""
-        leaves = self._queues.list_best(self._deepest, 100)
-        node = leaves[0] if leaves else None
-        while node is not None and node.visit < len(self._visits) - 1:
-            if node.stage == 0:
-                self._expand(node)
-            grown = list((node.children or {}).values())
-            node = max(grown, key=lambda child: child.score, default=None)
+        for leaf in self._queues.list_best(self._deepest, count):
+            node: Node | None = leaf
+            while node is not None and node.visit < len(self._visits) - 1:
+                if node.stage == 0:
+                    self._expand(node)
+                grown = list((node.children or {}).values())
+                node = max(grown, key=lambda child: child.score, default=None)
         self._stale = 0
 
-    def _revise(self, depth: int, end: float, count: int = 1) -> None:
+    def _revise(self, depth: int, budget: Budget, count: int = 1) -> None:
         """Revise the best maps of a depth as a whole; whatever that makes waits as a leaf."""
         partitions: set[tuple[int, ...]] = set()
-        left = count * (_REVISED_VISITS if self.score.slip else _REVISED_FEW)
-
-        def is_over() -> bool:
-            nonlocal left
-            left -= depth
-            return time.monotonic() >= end or left < 0
-
+        work = count * (_REVISED_WORK if self.score.slip else _REVISED_LITTLE)
+        is_over = budget.allot(work)
         for node in self._queues.list_best(depth, 40 * count):
             partition = tuple(one.decision.place for one in node.chain())
             if partition not in partitions:
@@ -390,6 +412,7 @@ def search_maps(
     *,
     best: int = 5,
     budget_s: float | None = None,
+    budget_work: float | None = None,
     order: bool = True,
     planarity: bool = True,
     score: Score | None = None,
@@ -400,7 +423,10 @@ def search_maps(
     ----------
     experience : what the robot went through, with displacements.
     best : how many maps to return.
-    budget_s : seconds of wall time to spend at most; None for no limit.
+    budget_s : seconds of wall time to spend at most; None for no limit. A search that they end
+        depends on how fast the machine is; one that the work ends does not.
+    budget_work : units of work to spend at most (see :mod:`hssh_kb.search_budget`); by default
+        what suits the number of visits, ``math.inf`` for no limit.
     order, planarity : which axioms to hold the maps to.
     score : parameters of the log posterior; estimated from the experience if not given.
 
@@ -419,22 +445,29 @@ def search_maps(
     if not experience.visits:
         raise InputError(f"{experience.source or 'experience'}: has no visits to map")
     tree = TreeOfMaps(score, experience=experience, order=order, planarity=planarity)
-    tree.search(budget_s=budget_s)
+    if budget_work is None:
+        budget_work = allow_work(len(experience), tree.score.slip)
+    tree.search(budget_s=budget_s, budget_work=budget_work)
     maps = tree.best(best)
     if maps:
         proven = tree.is_proven()
-        reason = (
-            "no waiting map can be more probable"
-            if proven
-            else "no waiting map is likely to be more probable"
+        return SearchResult(
+            maps, proven, tree.expansions, tree.leaves, None, _tell_end(tree, proven), tree.spent
         )
-        return SearchResult(maps, proven, tree.expansions, tree.leaves, None, reason)
     depth = max(d for d in range(len(experience)) if tree.reached(d))
     spent = tree.leaves > 0
     reason = (
-        f"the budget of {budget_s} s was spent before any map explained visit {depth + 1}"
+        f"the budget was spent before any map explained visit {depth + 1}"
         if spent
         else f"inconsistent from visit {depth + 1}: no map explains it"
     )
     maps = tree.best_so_far(depth, best)
-    return SearchResult(maps, False, tree.expansions, tree.leaves, depth + 1, reason)
+    return SearchResult(maps, False, tree.expansions, tree.leaves, depth + 1, reason, spent)
+
+
+def _tell_end(tree: TreeOfMaps, proven: bool) -> str:
+    if proven:
+        return "no waiting map can be more probable"
+    if tree.spent:
+        return "the budget was spent; a waiting map may be more probable"
+    return "no waiting map is likely to be more probable"

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 import pytest
@@ -250,11 +251,34 @@ def test_no_visits_are_told():
         search_maps(Experience(()))
 
 
-def test_a_spent_budget_still_gives_a_map_of_all_visits():
+@pytest.mark.parametrize("budget", [{"budget_s": 0.0}, {"budget_work": 1}, {"budget_work": 3000}])
+def test_a_spent_budget_still_gives_maps_of_all_visits(budget):
     truth = _walk(18, (6, 6), 120, ROBOT, walker=explore)
-    found = search_maps(truth.experience, budget_s=2.0)
+    found = search_maps(truth.experience, **budget)
     assert found.inconsistent_from is None
-    assert len(found.maps[0].visits) == len(truth.experience)
+    assert found.spent
+    assert not found.proven
+    assert "budget was spent" in found.reason
+    scores = [m.log_posterior for m in found.maps]
+    assert scores == sorted(scores, reverse=True)
+    for one in found.maps:
+        assert len(one.visits) == len(truth.experience)
+        assert judge_hypothesis(truth.experience, one).consistent
+
+
+def test_the_answer_does_not_depend_on_how_loaded_the_machine_is(monkeypatch):
+    truth = _walk(18, (6, 6), 80, ROBOT, walker=explore)
+    swift = search_maps(truth.experience, budget_s=1e4, budget_work=8_000)
+    ticks = count(step=0.05)
+    monkeypatch.setattr("hssh_kb.search_budget.time.monotonic", lambda: next(ticks))
+    assert search_maps(truth.experience, budget_s=1e4, budget_work=8_000) == swift
+    assert swift.spent
+
+
+def test_more_work_allowed_gives_no_worse_a_map_than_next_to_none():
+    truth = _walk(18, (6, 6), 80, ROBOT, walker=explore)
+    little, more = (search_maps(truth.experience, budget_work=work) for work in (1, 30_000))
+    assert more.maps[0].log_posterior > little.maps[0].log_posterior + 5
 
 
 def test_scores_do_not_depend_on_where_the_search_has_been():
