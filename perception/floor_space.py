@@ -47,7 +47,7 @@ class FloorSettings:
     """
 
     robot_radius_m: float = 0.25
-    speck_m: float = 0.6
+    speck_m: float = 0.7
     opening_m: float = 0.15
     midline_m: float = 3.0
     least_part_m2: float = 4.0

@@ -51,6 +51,16 @@ def run() -> bool:
     return good & _report_cost()
 
 
+def _tell_miss(what: str, figures: dict[str, tuple[float, float]]) -> bool:
+    """Print which figures fall short of their goals; True if none does."""
+    missed = [
+        f"{name} {got:.3f} < {goal:.2f}" for name, (got, goal) in figures.items() if got < goal
+    ]
+    if missed:
+        print(f"    missed on {what}: {', '.join(missed)}")
+    return not missed
+
+
 def explore_all(image: np.ndarray, frame: Frame) -> list[FloorMap]:
     """Explore every part of a floor of more than 10 m2."""
     first = explore_floor(image, frame)
@@ -84,7 +94,14 @@ def _report_doors() -> bool:
             f"{name:10}{hits:>14}/{mapped}{gateways:9}{door_hits:>9}/{mapped}{typed:9}"
             f"{share:11.2f}{precision:9.2f}"
         )
-        good &= hits >= 0.95 * mapped and door_hits >= 0.9 * mapped and share >= 0.6
+        good &= _tell_miss(
+            name,
+            {
+                "gateways at doors": (hits / mapped, 0.97),
+                "typed doors": (door_hits / mapped, 0.90),
+                "precision": (share, 0.60),
+            },
+        )
     return good
 
 
@@ -121,7 +138,7 @@ def _report_contacts() -> bool:
             + (f"   trial, loose or strict: {IPA_TRIAL[0]}" if furnished else "")
         )
         if furnished:
-            good = recall >= 0.88 and precision >= 0.95
+            good = _tell_miss("ipa", {"recall": (recall, 0.90), "precision": (precision, 0.95)})
     return good
 
 
@@ -149,7 +166,9 @@ def _report_graphs() -> bool:
             flush=True,
         )
         if name in STRANDS:
-            good &= linked >= goal[1] - 0.02
+            good &= _tell_miss(
+                name, {"connections": (linked, goal[0]), "junctions": (one, junction[0])}
+            )
     return good
 
 
