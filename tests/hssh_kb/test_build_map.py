@@ -155,5 +155,5 @@ def test_a_real_floor_can_be_asked_and_walked(tmp_path):
     kb = build(folder / "1.yaml", names=folder / "locations.yaml")
     assert kb.check().consistent
     assert len(kb.graph().places) > 50
-    assert kb.record.notices[0].startswith("1 other part")
+    assert "--start=" in kb.record.notices[0]
     assert kb.route("l1_310", "l1_elev_east").edges

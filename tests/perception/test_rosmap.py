@@ -173,7 +173,7 @@ def test_a_huge_image_is_refused_unread_with_its_need(tmp_path, kind, monkeypatc
         (tmp_path / "big.pgm").write_bytes(b"P5\n# a comment\n20000 20000\n255\n")
     with monkeypatch.context() as patch:
         patch.setattr(cv2, "imdecode", lambda *_: pytest.fail("decoded all the same"))
-        with pytest.raises(InputError, match=r"24\.0 GB.*--force"):
+        with pytest.raises(InputError, match=r"12\.0 GB.*--force"):
             read_ros_map(path)
     with pytest.raises(InputError, match=r"is not an image|cannot be read"):
         read_ros_map(path, force=True)  # goes on, and finds no levels in it
