@@ -12,6 +12,7 @@ from hssh_kb.congruence import Assumption, Closure
 from hssh_kb.experience import Experience, has_types
 from hssh_kb.facts import experience_to_facts
 from hssh_kb.hypothesis import Hypothesis
+from hssh_kb.planar_search import find_planar_map
 from hssh_kb.planarity import is_planar
 from hssh_kb.program import make_converter
 from hssh_kb.solver import solve_all
@@ -32,6 +33,8 @@ class Literal(NamedTuple):
 
 SEARCH_LIMIT = 30
 """Where planarity decides, at most so many visits are handed to the solver at once."""
+
+_SOON_S, _PATIENCE_S = 0.4, 60.0
 
 AXIOMS = (
     "star_isomorphism",
@@ -75,6 +78,7 @@ class Oracle:
         self.closure = Closure(experience)
         self.certain = all(len(visit.readings) == 1 for visit in experience.visits)
         self.searches = 0
+        self.core: frozenset[Literal] | None = None
         self._known: dict[frozenset[Literal], Hypothesis | None] = {}
 
     def literals(self) -> list[Literal]:
@@ -166,10 +170,11 @@ class Oracle:
 
     def _search(self, active: frozenset[Literal]) -> Hypothesis | None:
         """Ask the solver: planarity or the choice of readings decides."""
-        if len(self.experience) > SEARCH_LIMIT:
-            raise OutOfTimeError
+        visits = self.relevant_visits(active)
+        if len(visits) > SEARCH_LIMIT:
+            return self._search_long(active)
         self.searches += 1
-        program = self.program(active, [name for name in AXIOMS if self._holds(name)])
+        program = self.program(active, [name for name in AXIOMS if self._holds(name)], visits)
         convert = make_converter(len(self.experience), not self.certain)
         rest = None if self.end is None else max(self.end - time.monotonic(), 0.0)
         found = solve_all(program, convert, limit=1, budget_s=rest)
@@ -179,35 +184,93 @@ class Oracle:
             raise OutOfTimeError
         return None
 
+    def relevant_visits(self, active: frozenset[Literal]) -> list[int]:
+        """Return the visits that some literals say anything about; the others may be anywhere."""
+        visits = {x.number for x in active if x.kind == "star"}
+        for x in active:
+            if x.kind == "assumption":
+                visits |= {self.assumptions[x.number].one, self.assumptions[x.number].other}
+        return sorted(visits)
+
+    def _search_long(self, active: frozenset[Literal]) -> Hypothesis | None:
+        """Decide a long experience by a small part of it that has no map, or by finding a map.
+
+        A part whose least map is not planar is shrunk until it is smallest; if the solver finds
+        that no other map of that part is planar, no map of the whole is. If it finds one, a map of
+        the whole is sought in the tree of maps.
+
+        Raises
+        ------
+        OutOfTimeError : neither came to an end.
+        """
+        if not self.certain:
+            raise OutOfTimeError
+        least = self._close(active, self.closure)
+        held = [self.assumptions[x.number] for x in active if x.kind == "assumption"]
+        whole = len(active) - len(held) == 2 * len(self.experience) - 1  # no observation dropped
+        now = time.monotonic()
+        rest = (self.end or now + _PATIENCE_S) - now
+        if whole and least is not None:
+            # Most that has a map shows it soon; so some of the time is given to seek one first.
+            soon = now + min(_SOON_S, rest / 2)
+            found = find_planar_map(self.experience, held, least, soon)
+            if found is not None:
+                return found
+        ordered = [x for x in self.literals() if x in active]
+        core = shrink_conflict(ordered, self._has_planar_closure)
+        if len(self.relevant_visits(core)) <= SEARCH_LIMIT and self.find_map(core) is None:
+            self.core = core
+            return None
+        if whole and least is not None:
+            found = find_planar_map(self.experience, held, least, now + rest)
+            if found is not None:
+                return found
+        raise OutOfTimeError
+
+    def _has_planar_closure(self, some: frozenset[Literal]) -> bool:
+        """Return whether the least map of some literals is planar: it need not be the only one."""
+        least = self._close(some, self.closure)
+        stars = frozenset(x.number for x in some if x.kind == "star")
+        return least is not None and is_planar(self.experience, least, stars)
+
     def _holds(self, axiom: str) -> bool:
         if axiom == "path_types":
             return has_types(self.experience)
         return self.planarity or axiom != "planarity"
 
-    def program(self, active: frozenset[Literal], axioms: Iterable[str]) -> str:
-        """Return the strict program of some literals and axioms, over all visits."""
+    def program(
+        self,
+        active: frozenset[Literal],
+        axioms: Iterable[str],
+        visits: Sequence[int] | None = None,
+    ) -> str:
+        """Return the strict program of some literals and axioms, over all visits or some."""
         names = ["experience", "generate", "map", "assume", "components", "modes/strict", "show"]
-        count = len(self.experience)
+        chosen = range(len(self.experience)) if visits is None else visits
+        kept = set(chosen)
         stars = {x.number for x in active if x.kind == "star"}
         travels = {x.number for x in active if x.kind == "travel"}
-        doubted = [f"doubtable(star({v}))." for v in range(count) if v not in stars]
-        doubted += [f"doubtable(travel({v}))." for v in range(1, count) if v not in travels]
+        doubted = [f"doubtable(star({v}))." for v in chosen if v not in stars]
+        doubted += [
+            f"doubtable(travel({v}))." for v in chosen if v - 1 in kept and v not in travels
+        ]
         held = [(x.number, self.assumptions[x.number]) for x in active if x.kind == "assumption"]
         return "\n".join(
             [
                 read_programs([*names, *map(axiom_program, axioms)]),
-                experience_to_facts(self.experience),
+                experience_to_facts(self.experience, chosen),
                 *doubted,
                 assumption_facts(sorted(held)),
-                *self._candidates(stars),
+                *self._candidates(stars, chosen),
             ]
         )
 
-    def _candidates(self, stars: set[int]) -> list[str]:
+    def _candidates(self, stars: set[int], chosen: Sequence[int]) -> list[str]:
         """Return where each visit may be: wherever trusted stars do not forbid it."""
         out = []
-        for v, visit in enumerate(self.experience.visits):
-            for p in range(v):
+        for i, v in enumerate(chosen):
+            visit = self.experience.visits[v]
+            for p in chosen[:i]:
                 there = self.experience.visits[p]
                 if v not in stars:
                     turns: set[int] = {0}
