@@ -89,10 +89,9 @@ def lay_out(
     n : number of nodes; node 0 stays at the origin (gauge).
     edges_i, edges_j : (m,) node indices; edge e measures node j in the frame of node i.
     z : (m, 3) measured poses, metres and radians.
-    information : (m, 3, 3) inverse covariances of the measurements, of (x, y, theta) in the frame
-        of node i. (The g2o format gives them in the frame of the measured node: rotate first.)
-    max_iterations : of Gauss-Newton.
-    tolerance : relative decrease of chi2 at which to stop.
+    information : (m, 3, 3) inverse covariances of (x, y, theta) in the frame of node i (the g2o
+        format gives them in that of node j: rotate first).
+    max_iterations, tolerance : Gauss-Newton steps; relative decrease of chi2 at which to stop.
 
     Returns
     -------
@@ -119,8 +118,8 @@ def lay_out(
     if n == 1:
         return Layout(np.zeros((1, 3)), 0.0, 0, np.zeros((0, 0)))
     _check_connected(n, i, j)
+    problem = EdgeProblem(n, i, j, z, w)
     with np.errstate(all="ignore"):
-        problem = EdgeProblem(n, i, j, z, w)
         fit = run_gauss_newton(problem, start_chordal(problem), max_iterations, tolerance)
         return Layout(*fit, problem.position)
 

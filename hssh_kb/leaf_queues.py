@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from hssh_kb.map_tree import Node
+from hssh_kb.node import Node
 from hssh_kb.repair import Repair
 
 Item = tuple[float, int, Node | Repair]

@@ -16,7 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hssh_kb.map_tree import Decision, MapTree, Node, Option
+from hssh_kb.map_tree import MapTree
+from hssh_kb.node import Decision, Node, Option
 
 _WORTH_NATS = 4.0
 _MOST_TRAVELS = 6

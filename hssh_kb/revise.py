@@ -17,7 +17,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hssh_kb.map_tree import Decision, MapTree, Node, Option
+from hssh_kb.map_tree import MapTree
+from hssh_kb.node import Decision, Node, Option
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,8 @@ import numpy as np
 from hssh_kb.map_tree import score_hypothesis
 from hssh_kb.maps import enumerate_maps
 from hssh_kb.score import estimate_score
-from hssh_kb.search import TreeOfMaps, search_maps
+from hssh_kb.search import search_maps
+from hssh_kb.tree_search import TreeOfMaps
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "hssh_kb"))
 from symbolic_walks import Eyes, Truth, explore, make_grid, observe, walk_randomly

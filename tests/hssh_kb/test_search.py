@@ -14,7 +14,8 @@ from hssh_kb.experience import Displacement, Experience, Visit, make_experience
 from hssh_kb.map_tree import score_hypothesis
 from hssh_kb.maps import enumerate_maps
 from hssh_kb.score import TERMS, estimate_score
-from hssh_kb.search import TreeOfMaps, search_maps
+from hssh_kb.search import search_maps
+from hssh_kb.tree_search import TreeOfMaps
 
 ROBOT = Eyes(
     sigma=0.01,
