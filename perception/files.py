@@ -41,7 +41,8 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
             for magic, name, opener in _OPENERS:
                 if head.startswith(magic):
                     return _unpack(opener(raw), path, name)
-            data = raw.read(_LIMIT_BYTES + 1)
+            size = os.fstat(raw.fileno()).st_size
+            data = raw.read(min(size, _LIMIT_BYTES) + 1)
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file; check the name") from error
     except OSError as error:
