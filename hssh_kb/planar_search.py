@@ -92,3 +92,21 @@ class _AssumingTree(TreeEnumerator):
             yield from ways
         elif ways:
             self.skipped = True
+
+
+def sample_planar_maps(experience: Experience, end: float) -> Iterator[Hypothesis]:
+    """Yield planar maps of an experience, compact ones for the most part, until the time is out.
+
+    Source
+    ------
+    Ours: what a search for the best map starts from, and falls back on.
+    """
+    identity = tuple(range(len(experience)))
+    least = Hypothesis(identity, (0,) * len(experience))
+    for attempt in count():
+        if time.monotonic() >= end:
+            return
+        most_nodes = _FIRST_NODES + 20 * attempt
+        tree = _AssumingTree(experience, (), least, end, most_nodes, attempt)
+        tree.run()
+        yield from tree.found

@@ -6,14 +6,18 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from hssh_kb.experience import Experience
+from hssh_kb.experience import Experience, has_partial_types
 from hssh_kb.hypothesis import Hypothesis
+from hssh_kb.planar_search import sample_planar_maps
 from hssh_kb.planarity import is_planar, make_planarity_test
 from hssh_kb.program import has_alternatives, make_converter, strict_program
+from hssh_kb.ranking import measure_map
 from hssh_kb.solver import Models, Symbol, solve_best, solve_minimal
 from hssh_kb.theory import policy_levels, policy_program
 
 _LETTERS = "ABCDEFGH"
+_LONG, _SAMPLE_SHARE, _LEAST_S = 36, 0.2, 0.2
+"""Beyond so many visits a share of the time is kept for maps to fall back on."""
 
 
 def best_by_cardinality(
@@ -32,14 +36,36 @@ def best_by_cardinality(
     further = ("objective", policy_program(policy))
     program = strict_program(experience, planarity=False, visits=count, further=further)
     end = None if budget_s is None else time.monotonic() + budget_s
+    sampled = (
+        count > _LONG and not has_alternatives(experience) and not has_partial_types(experience)
+    )
+    share = _SAMPLE_SHARE * budget_s if budget_s and sampled else 0.0
     while True:
-        rest = None if end is None else max(end - time.monotonic(), 0.0)
+        rest = None if end is None else max(end - time.monotonic() - share, 0.0)
         seen: list[int] = []
         convert = _make_counting_converter(experience, count, planarity, seen)
         models = solve_best(program, convert, limit=limit, budget_s=rest)
-        if models.found or not models.complete or not seen:
-            return models
-        program += _worse_than(policy, models.cost)
+        if models.found or models.complete or not share or end is None:
+            if models.found or not models.complete or not seen:
+                return models
+            program += _worse_than(policy, models.cost)
+            continue
+        sample = _sample_maps(experience, count, policy, end)
+        return replace(sample, found=sample.found[:limit])
+
+
+def _sample_maps(experience: Experience, count: int, policy: str, end: float) -> Models[Hypothesis]:
+    """Return the best of some maps that the tree of maps shows quickly; never said to be all."""
+    begun = replace(experience, visits=experience.visits[:count])
+    best: dict[Hypothesis, None] = {}
+    cost: tuple[int, ...] = ()
+    for hypothesis in sample_planar_maps(begun, max(end, time.monotonic() + _LEAST_S)):
+        size = measure_map(begun, hypothesis, policy)
+        if not cost or size < cost:
+            best, cost = {}, size
+        if size == cost:
+            best[hypothesis] = None
+    return Models(tuple(best), complete=False, cost=cost)
 
 
 def _make_counting_converter(

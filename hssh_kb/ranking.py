@@ -160,7 +160,7 @@ def _rank_all(
     )
     if not found.complete and limit is not None:
         return None
-    sized = sorted((_measure_map(experience, h, policy), i) for i, h in enumerate(found.maps))
+    sized = sorted((measure_map(experience, h, policy), i) for i, h in enumerate(found.maps))
     kept = sized[:best] if best else [one for one in sized if every or one[0] == sized[0][0]]
     return RankedMaps(
         tuple(found.maps[i] for _, i in kept),
@@ -197,7 +197,7 @@ def _rank_by_minimality(
     )
 
 
-def _measure_map(
+def measure_map(
     experience: Experience, hypothesis: Hypothesis, policy: str = DEFAULT_POLICY
 ) -> tuple[int, ...]:
     """Return what a policy makes few, then the price of the readings."""
@@ -268,7 +268,7 @@ def tabulate_maps(experience: Experience, ranked: RankedMaps) -> tuple[MapRow, .
         if ranked.ranked_by == "posterior" and posterior is not None:
             keys.append((posterior,))
         else:  # every subset-minimal map is as good as any other
-            measured = _measure_map(experience, hypothesis, ranked.policy)
+            measured = measure_map(experience, hypothesis, ranked.policy)
             keys.append(() if ranked.minimality == "subset" else measured)
     table = list[MapRow]()
     first, last = 0, 0

@@ -11,8 +11,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "axioms"))
 import brute_force
 import worlds
 
+from hssh_kb.consistency import judge_hypothesis
 from hssh_kb.hypothesis import Hypothesis
-from hssh_kb.maps import count_paths, enumerate_maps, path_classes
+from hssh_kb.maps import count_paths, enumerate_maps, minimal_maps, path_classes
 from hssh_kb.planarity import is_planar
 
 
@@ -60,3 +61,15 @@ def test_maps_come_in_the_same_order_each_time():
         == enumerate_maps(experience, engine="program").maps
     )
     assert list(first) == sorted(first, key=lambda h: (h.visits, h.offsets))
+
+
+def test_a_walk_too_long_to_be_solved_in_time_still_gives_maps():
+    rng = random.Random(5)
+    route = worlds.random_walk(rng, worlds.grid(5, 5), 60)
+    experience = worlds.grid(5, 5).drive(route)
+    found = minimal_maps(experience, budget_s=1.0)
+    assert not found.complete
+    assert found.maps
+    for hypothesis, cost in zip(found.maps, found.costs, strict=True):
+        assert judge_hypothesis(experience, hypothesis).consistent
+        assert cost[:2] == (count_paths(experience, hypothesis), len(hypothesis.places))
