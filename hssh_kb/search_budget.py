@@ -15,7 +15,7 @@ from collections.abc import Callable
 
 _WORK_PER_VISIT = 2_000
 _WORK_AT_LEAST = 40_000
-_WORK_WITHOUT_SLIPS = 4_000_000
+_WORK_WITHOUT_SLIPS = 1_000_000
 
 
 class Budget:

@@ -35,6 +35,8 @@ _REVISED_LITTLE = 5_000  # ... where they do not, and best-first search seldom e
 _HURRY = 0.4  # share of the budget after which the best map is taken to the end as it is
 _COMPLETED = 8  # maps taken to the end when the budget is spent
 _REGRET_NATS = 8.0  # a best map this close to the highest hopes needs little doubt
+_DESPAIR_NATS = 60.0  # a best map this far below them was most likely met by chance
+_LAST_CYCLES = 24  # cycles in vain that such a map is given more, where travels do not slip
 
 
 class TreeOfMaps:
@@ -249,6 +251,8 @@ class TreeOfMaps:
     def _count_cycles(self, prospect: float) -> int:
         """Return how many cycles in vain it takes to believe that the best map is found."""
         whole = int(math.log2(max(len(self._visits) / _WINDOW, 1))) + 1
+        if self.score.slip == 0 and prospect - float(self._queues.tops[-1]) >= _DESPAIR_NATS:
+            return whole + _LAST_CYCLES
         return whole + 3 if self._is_doubtful(prospect) else whole
 
     def _is_doubtful(self, prospect: float) -> bool:
