@@ -6,6 +6,7 @@ posterior of Beeson 2008, chapter 9; which of the two decides is said with the a
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -128,14 +129,16 @@ def rank_maps(
 def _rank_by_posterior(experience: Experience, best: int, budget_s: float | None) -> RankedMaps:
     from hssh_kb.search import search_maps
 
+    start = time.monotonic()
     found = search_maps(experience, best=best, budget_s=budget_s)
+    spent = budget_s is not None and time.monotonic() - start >= budget_s
     return RankedMaps(
         found.maps,
         "posterior",
         proven=found.proven,
         # A visit not explained in time is no visit that cannot be explained.
-        inconsistent_from=None if found.spent else found.inconsistent_from,
-        budget_spent=found.spent,
+        inconsistent_from=None if spent else found.inconsistent_from,
+        budget_spent=spent,
     )
 
 
