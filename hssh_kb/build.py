@@ -17,6 +17,7 @@ import numpy as np
 
 from hssh_kb.errors import InputError, UsageError
 from hssh_kb.experience import Experience, load_trace
+from hssh_kb.files import looks_like_json
 from hssh_kb.records import BuildRecord, PlaceLayout, Raster, Trajectory
 from perception.grid import Frame
 from perception.rosmap_kind import looks_like_ros_map
@@ -83,7 +84,7 @@ def build(
     path = Path(input_path)
     report = progress or _report_nothing
     clock = Clock()
-    if _looks_like_json(path):
+    if looks_like_json(path):
         return _build_from_trace(path, best, budget_s, clock)
     if looks_like_ros_map(path):
         from hssh_kb.build_map import build_from_floor_map
@@ -308,16 +309,6 @@ class Clock:
 
 def _report_nothing(stage: str, done: int, total: int) -> None:
     """Take the place of a progress bar."""
-
-
-def _looks_like_json(path: Path) -> bool:
-    """Tell a trace from a log by its first visible character."""
-    try:
-        with path.open("rb") as file:
-            head = file.read(4096).lstrip(b"\xef\xbb\xbf \t\r\n")
-    except OSError:
-        return False
-    return head[:1] in (b"{", b"[")
 
 
 def own_version() -> str:
