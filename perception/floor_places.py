@@ -14,7 +14,7 @@ import numpy as np
 
 from perception.geometry import Array
 from perception.skeleton import Branch, Node
-from perception.skeleton_graph import SkeletonGraph, concatenate
+from perception.skeleton_graph import SkeletonGraph
 
 PlaceKind = Literal["junction", "corner", "dead end", "room"]
 
@@ -113,7 +113,7 @@ def _split_ring(
     ring = graph.branches[k]
     size = len(ring.points_px)
     base = ring.tail
-    found = sorted({i % size for i in _find_corners(concatenate(ring, ring), [], resolution_m)})
+    found = sorted({i % size for i in _find_corners(ring.joined(ring), [], resolution_m)})
     apart = _CORNERS_APART_M / resolution_m
     cuts = [i for n, i in enumerate(found) if n == 0 or i - found[n - 1] > apart]
     if len(cuts) < 2:

@@ -18,7 +18,7 @@ from perception.floor_space import FloorSpace, measure_wall
 from perception.geometry import Array
 from perception.grid import Mask
 from perception.region import Index
-from perception.skeleton import OPEN, Branch, Node, Skeleton
+from perception.skeleton import OPEN, Branch, Node, Skeleton, walk_chains
 from perception.skeleton_graph import SkeletonGraph
 
 LEAST_WALL_M = 1.0
@@ -151,24 +151,12 @@ def _trace(cracks: _Cracks, width: int) -> Skeleton:
     node_of_end = np.full(len(ends), -1, np.int64)
     node_of_end[order[at_node]] = np.repeat(corner, count)[at_node]
     following, nodes = beyond.tolist(), node_of_end.tolist()
-    seen = bytearray(len(cracks.corners))
     skeleton = Skeleton()
-    starts = np.flatnonzero(node_of_end >= 0).tolist()
-    for start in [*starts, *range(0, len(nodes), 2)]:
-        if seen[start >> 1]:
-            continue
-        path, end = [], start
-        while True:
-            path.append(end)
-            seen[end >> 1] = 1
-            last = end ^ 1
-            end = following[last]
-            if end < 0 or end >> 1 == start >> 1:
-                break
+    for path, start, last in walk_chains(following, nodes):
         tail, head = nodes[start], nodes[last]
         if tail < 0:
             tail = head = int(ends[start])
-        skeleton.branches.append(_as_branch(cracks, np.array(path), tail, head))
+        skeleton.branches.append(_as_branch(cracks, path, tail, head))
         for node, k in ((tail, 0), (head, -1)):
             if node not in skeleton.nodes:
                 y, x = divmod(node, width + 1)

@@ -153,27 +153,14 @@ def _join_all(skeleton: Skeleton) -> None:
             del skeleton.nodes[node]
         elif len(ends) == 2 and ends[0] is not ends[1]:
             one, two = ends
-            joined = _concatenate(
-                one if one.head == node else one.reversed(),
-                two if two.tail == node else two.reversed(),
-            )
+            first = one if one.head == node else one.reversed()
+            joined = first.joined(two if two.tail == node else two.reversed())
             skeleton.branches = [b for b in skeleton.branches if b is not one and b is not two]
             skeleton.branches.append(joined)
             for end, old in ((joined.tail, one), (joined.head, two)):
                 at[end] = [b for b in at[end] if b is not old] + [joined]
             del skeleton.nodes[node]
             del at[node]
-
-
-def _concatenate(one: Branch, two: Branch) -> Branch:
-    return Branch(
-        one.tail,
-        two.head,
-        np.concatenate([one.points_px, two.points_px]),
-        np.concatenate([one.radius_px, two.radius_px]),
-        np.concatenate([one.left, two.left]),
-        np.concatenate([one.right, two.right]),
-    )
 
 
 def find_closest(

@@ -8,6 +8,7 @@ rough wall, since both sides of such a branch are the same arc. What is left joi
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import cv2
@@ -50,6 +51,17 @@ class Branch:
             self.radius_px[::-1],
             self.right[::-1],
             self.left[::-1],
+        )
+
+    def joined(self, other: Branch) -> Branch:
+        """Return this branch and another, which goes on where this one ends, as one."""
+        return Branch(
+            self.tail,
+            other.head,
+            np.concatenate([self.points_px, other.points_px]),
+            np.concatenate([self.radius_px, other.radius_px]),
+            np.concatenate([self.left, other.left]),
+            np.concatenate([self.right, other.right]),
         )
 
     def part(self, first: int, last: int, tail: int, head: int) -> Branch:
@@ -213,6 +225,35 @@ def _find_cracks(
     return _Cracks(corners, points, radius, walls, second_left)
 
 
+def walk_chains(following: list[int], nodes: list[int]) -> Iterator[tuple[Index, int, int]]:
+    """Follow cracks from node to node, then round what is left over.
+
+    Parameters
+    ----------
+    following : for each end of a crack (2 k and 2 k + 1), the end of another crack it meets; -1 at
+        a node.
+    nodes : for each end, its node; -1 if it is not at one.
+
+    Yields
+    ------
+    (ends at which the cracks are entered, first end, last end) of each chain; a ring has no nodes.
+    """
+    seen = bytearray(len(nodes) // 2)
+    starts = [k for k, node in enumerate(nodes) if node >= 0]
+    for start in [*starts, *range(0, len(nodes), 2)]:
+        if seen[start >> 1]:
+            continue
+        path, end = list[int](), start
+        while True:
+            path.append(end)
+            seen[end >> 1] = 1
+            last = end ^ 1
+            end = following[last]
+            if end < 0 or end >> 1 == start >> 1:
+                break
+        yield np.array(path), start, last
+
+
 def _trace(region: Region, cracks: _Cracks) -> Skeleton:
     """Join cracks into branches between nodes."""
     ends = cracks.corners.ravel()
@@ -226,24 +267,12 @@ def _trace(region: Region, cracks: _Cracks) -> Skeleton:
     for k in np.flatnonzero(count != 2):
         node_of_end[order[first[k] : first[k] + count[k]]] = corner[k]
     following, nodes = beyond.tolist(), node_of_end.tolist()
-    seen = bytearray(len(cracks.corners))
     skeleton = Skeleton()
-    starts = [k for k, node in enumerate(nodes) if node >= 0]
-    for start in [*starts, *range(0, len(nodes), 2)]:
-        if seen[start >> 1]:
-            continue
-        path, end = [], start
-        while True:
-            path.append(end)
-            seen[end >> 1] = 1
-            last = end ^ 1
-            end = following[last]
-            if end < 0 or end >> 1 == start >> 1:
-                break
+    for path, start, last in walk_chains(following, nodes):
         tail, head = nodes[start], nodes[last]
         if tail < 0:
             tail = head = int(ends[start])
-        _add_branch(skeleton, region, cracks, np.array(path), (tail, head))
+        _add_branch(skeleton, region, cracks, path, (tail, head))
     return skeleton
 
 

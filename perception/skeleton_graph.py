@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 
-import numpy as np
-
 from perception.skeleton import Branch, Node, Skeleton
 
 _TINY = 8
@@ -82,7 +80,7 @@ class SkeletonGraph:
         one, two = self.branches.pop(rest[0]), self.branches.pop(rest[1])
         one = one if one.head == node else one.reversed()
         two = two if two.tail == node else two.reversed()
-        joined = concatenate(one, two)
+        joined = one.joined(two)
         fresh = self._add(joined)
         self.at.pop(node)
         for end in (joined.tail, joined.head):
@@ -166,15 +164,3 @@ class SkeletonGraph:
                         seen.add(other)
                         stack.append(other)
         return False
-
-
-def concatenate(one: Branch, two: Branch) -> Branch:
-    """Return two branches, the second going on where the first ends, as one."""
-    return Branch(
-        one.tail,
-        two.head,
-        np.concatenate([one.points_px, two.points_px]),
-        np.concatenate([one.radius_px, two.radius_px]),
-        np.concatenate([one.left, two.left]),
-        np.concatenate([one.right, two.right]),
-    )
