@@ -82,7 +82,7 @@ def parse_assumption(experience: Experience, text: str) -> Assumption:
 
     Examples
     --------
-    >>> from hssh_kb.experience import make_experience
+    >>> from hssh_kb.trace import make_experience
     >>> two = make_experience([(["a+1", "a-0"], None, 0), (["b-1", "b+0"], 1, None)])
     >>> parse_assumption(two, "v1 = v0").same
     True
@@ -163,7 +163,7 @@ def check(
 
     Examples
     --------
-    >>> from hssh_kb.experience import make_experience
+    >>> from hssh_kb.trace import make_experience
     >>> two = make_experience([(["a+1", "a-0"], None, 0), (["b-1", "b+0"], 1, None)])
     >>> answer = check(two, ["v1=v0"])
     >>> answer.consistent, answer.violations[0].observations, answer.repairs[0]
@@ -241,7 +241,7 @@ def explain_new(
 
     Examples
     --------
-    >>> from hssh_kb.experience import make_experience
+    >>> from hssh_kb.trace import make_experience
     >>> two = make_experience([(["a+1", "a-0"], None, 0), (["b-1", "b+0"], 1, None)])
     >>> explain_new(two, 1).text
     'v1 is a new place in every map: the axioms refuse each of the 1 earlier visits.'

@@ -281,7 +281,7 @@ def judge_hypothesis(
 
     Examples
     --------
-    >>> from hssh_kb.experience import make_experience
+    >>> from hssh_kb.trace import make_experience
     >>> bend = ["a+1", "b+1", "a-0", "b-0"]
     >>> experience = make_experience([(bend, None, 0), (bend, 3, 0), (bend, 3, None)])
     >>> judge_hypothesis(experience, Hypothesis((0, 1, 2), (0, 0, 0))).consistent

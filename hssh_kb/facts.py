@@ -32,7 +32,7 @@ def experience_to_facts(experience: Experience, visits: Iterable[int] | None = N
 
     Examples
     --------
-    >>> from hssh_kb.experience import make_experience
+    >>> from hssh_kb.trace import make_experience
     >>> two = make_experience([(["a+1", "a-0"], None, 0), (["b-1", "b+0"], 1, None)])
     >>> print(experience_to_facts(two).splitlines()[0])
     visit(0). size(0,0,2). dlp(0,0,0,1,1). dlp(0,0,1,0,0). departs(0,0,0).

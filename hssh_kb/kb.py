@@ -45,7 +45,7 @@ class KnowledgeBase:
     --------
     A robot leaves a dead end, turns right at a T and comes to another dead end:
 
-    >>> from hssh_kb.experience import make_experience
+    >>> from hssh_kb.trace import make_experience
     >>> dead_end, t = ["a+0", "a-1"], ["a+0", "b+1", "a-1", "b-1"]
     >>> walk = make_experience([(["a+1", "a-0"], None, 0), (t, 0, 1), (dead_end, 0, None)])
     >>> kb = KnowledgeBase.from_experience(walk)

@@ -176,7 +176,7 @@ def build_place_graph(
 
     Examples
     --------
-    >>> from hssh_kb.experience import make_experience
+    >>> from hssh_kb.trace import make_experience
     >>> experience = make_experience([
     ...     (["a+1", "a-0"], None, 0), (["b-0", "b+1"], 0, 1), (["c+1", "c-0"], 1, None)])
     >>> graph = build_place_graph(experience, Hypothesis((0, 1, 0), (0, 0, 0)))

@@ -75,7 +75,7 @@ def query_maps(
 
     Examples
     --------
-    >>> from hssh_kb.experience import make_experience
+    >>> from hssh_kb.trace import make_experience
     >>> from hssh_kb.maps import enumerate_maps
     >>> two = make_experience([(["a+1", "a-0"], None, 0), (["b-1", "b+0"], 1, None)])
     >>> query_maps(two, enumerate_maps(two).maps, "at(V,P), V > 0").every

@@ -101,7 +101,7 @@ def rank_maps(
 
     Examples
     --------
-    >>> from hssh_kb.experience import make_experience
+    >>> from hssh_kb.trace import make_experience
     >>> walk = make_experience([(["a+1", "a-0"], None, 0), (["b-1", "b+0"], 1, None)])
     >>> [hypothesis.visits for hypothesis in rank_maps(walk).maps]
     [(0, 1)]

@@ -66,7 +66,7 @@ def explain_holds(experience: Experience, hypothesis: Hypothesis, atom: str) -> 
 
     Examples
     --------
-    >>> from hssh_kb.experience import make_experience
+    >>> from hssh_kb.trace import make_experience
     >>> two = make_experience([(["a+1", "a-0"], None, 0), (["b-1", "b+0"], 1, None)])
     >>> print(next(explain_holds(two, Hypothesis((0, 1), (0, 0)), "on(path(0,0),1)").lines()))
     place 1 is on path(0,0) (equation 5)

@@ -7,7 +7,7 @@ import pytest
 import worlds
 
 from hssh_kb.errors import UsageError
-from hssh_kb.experience import Experience, experience_from_data, experience_to_data
+from hssh_kb.experience import Experience
 from hssh_kb.maps import (
     count_paths,
     enumerate_maps,
@@ -17,6 +17,7 @@ from hssh_kb.maps import (
 from hssh_kb.program import make_converter, strict_program
 from hssh_kb.solver import solve_all
 from hssh_kb.theory import POLICIES
+from hssh_kb.trace import experience_from_data, experience_to_data
 
 SWITCHES = (
     {},

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from hssh_kb.experience import load_trace
 from hssh_kb.facts import experience_to_facts, write_instance
 from hssh_kb.solver import ground
 from hssh_kb.theory import axiom_directory, list_axioms, read_program
+from hssh_kb.trace import load_trace
 
 TRACES = Path(__file__).resolve().parents[1] / "traces"
 FILES = sorted(axiom_directory().rglob("*.lp"))

@@ -3,11 +3,11 @@
 import pytest
 
 from hssh_kb.basic import BasicExperience, basic_facts
-from hssh_kb.experience import experience_from_data, experience_to_data, make_experience
 from hssh_kb.finished import check_claim, check_map_facts
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.solver import solve_best
 from hssh_kb.theory import axiom_program, list_axioms, read_messages, read_programs
+from hssh_kb.trace import experience_from_data, experience_to_data, make_experience
 
 PLUS = ["a+1", "b+1", "a-1", "b-1"]
 CORNER = ["c+1", "d+1", "c-0", "d-0"]

@@ -7,7 +7,7 @@ import worlds
 
 from hssh_kb.check import check
 from hssh_kb.consistency import judge_hypothesis
-from hssh_kb.experience import make_experience
+from hssh_kb.trace import make_experience
 
 
 @pytest.mark.parametrize("seed", range(6))

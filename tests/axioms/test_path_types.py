@@ -8,8 +8,9 @@ import worlds
 
 from hssh_kb.check import check
 from hssh_kb.errors import InputError
-from hssh_kb.experience import experience_from_data, experience_to_data, forget_types, has_types
+from hssh_kb.experience import forget_types, has_types
 from hssh_kb.maps import enumerate_maps, minimal_maps
+from hssh_kb.trace import experience_from_data, experience_to_data
 
 OPEN, SHUT = ("MIDLINE", "LEFTWALL", "RIGHTWALL"), ("DEADEND", "NONE")
 

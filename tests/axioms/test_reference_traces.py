@@ -6,8 +6,8 @@ import brute_force
 import pytest
 import worlds
 
-from hssh_kb.experience import load_trace
 from hssh_kb.maps import count_paths, enumerate_maps, minimal_maps
+from hssh_kb.trace import load_trace
 
 TRACES = Path(__file__).resolve().parents[1] / "traces"
 COLUMNS = ({"order": False, "planarity": False}, {"planarity": False}, {})

@@ -8,10 +8,11 @@ import worlds
 from force_why import Force
 
 from hssh_kb.check import check, parse_assumption
-from hssh_kb.experience import Experience, make_experience
+from hssh_kb.experience import Experience
 from hssh_kb.narrate import Narrator
 from hssh_kb.oracle import Oracle
 from hssh_kb.subsets import find_conflicts
+from hssh_kb.trace import make_experience
 
 
 def draw(seed: int, travels: int) -> Experience:

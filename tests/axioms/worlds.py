@@ -5,12 +5,8 @@ from __future__ import annotations
 import random
 from collections.abc import Iterable, Sequence
 
-from hssh_kb.experience import (
-    Experience,
-    experience_from_data,
-    experience_to_data,
-    make_experience,
-)
+from hssh_kb.experience import Experience
+from hssh_kb.trace import experience_from_data, experience_to_data, make_experience
 
 Cell = tuple[int, int]
 SQUARE: tuple[Cell, ...] = ((0, 1), (1, 0), (0, -1), (-1, 0))

@@ -1,9 +1,9 @@
 """Knowledge base files for the tests of the command line."""
 
-from hssh_kb.experience import make_experience
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.kb import KnowledgeBase
 from hssh_kb.ranking import RankedMaps
+from hssh_kb.trace import make_experience
 
 
 def write_torn_kb(path):

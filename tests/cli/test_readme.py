@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hssh_kb.experience import parse_trace
+from hssh_kb.trace import parse_trace
 
 ROOT = Path(__file__).parents[2]
 README = ROOT / "README.md"

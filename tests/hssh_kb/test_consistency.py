@@ -5,9 +5,9 @@ import pytest
 from symbolic_walks import Eyes, follow_route, make_grid, observe, walk_randomly
 
 from hssh_kb.consistency import MapState, judge_hypothesis
-from hssh_kb.experience import make_experience
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.maps import enumerate_maps
+from hssh_kb.trace import make_experience
 
 RING = [(0, 0), (1, 0), (1, 1), (0, 1)] * 2 + [(0, 0)]
 EIGHT = "(0,0)(1,0)(2,0)(2,1)(1,1)(0,1)(0,0)(1,0)(1,1)(2,1)(2,0)(1,0)(0,0)"

@@ -10,7 +10,7 @@ from small_kbs import make_kb
 from symbolic_walks import observe
 
 from hssh_kb.errors import NoAnswerError, UsageError
-from hssh_kb.experience import Experience, Reading, Visit, make_experience
+from hssh_kb.experience import Experience, Reading, Visit
 from hssh_kb.explore import WORTH_BITS, explore, find_doubt, select_agenda, weigh_rivals
 from hssh_kb.explore_document import document_exploration
 from hssh_kb.explore_words import word_view, word_way
@@ -21,6 +21,7 @@ from hssh_kb.maps import enumerate_maps
 from hssh_kb.place_graph import build_place_graph
 from hssh_kb.ranking import RankedMaps, rank_maps
 from hssh_kb.route_steps import describe_route, follow_steps
+from hssh_kb.trace import make_experience
 from hssh_kb.walks import list_walks
 from perception.star import Star
 

@@ -9,9 +9,9 @@ import pytest
 from small_kbs import make_kb
 
 from hssh_kb.errors import NoAnswerError, UsageError
-from hssh_kb.experience import experience_from_data
 from hssh_kb.export import document_kb, export_kb
 from hssh_kb.kb import KnowledgeBase
+from hssh_kb.trace import experience_from_data
 
 
 @pytest.fixture(scope="module")

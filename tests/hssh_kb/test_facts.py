@@ -8,10 +8,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "axioms"))
 
 import worlds
 
-from hssh_kb.experience import Experience, Visit, load_trace
+from hssh_kb.experience import Experience, Visit
 from hssh_kb.facts import candidate_facts, experience_to_facts, price_of_reading, write_instance
 from hssh_kb.solver import parse_facts, solve_all
 from hssh_kb.theory import read_program
+from hssh_kb.trace import load_trace
 
 TRACES = Path(__file__).resolve().parents[1] / "traces"
 

@@ -7,10 +7,10 @@ import pytest
 from small_kbs import make_kb, true_map, walk_true
 
 from hssh_kb.errors import InputError
-from hssh_kb.experience import load_trace
 from hssh_kb.kb import KnowledgeBase
 from hssh_kb.ranking import RankedMaps, rank_maps, tabulate_maps
 from hssh_kb.records import PlaceLayout
+from hssh_kb.trace import load_trace
 
 
 @pytest.fixture(scope="module")

@@ -36,7 +36,7 @@ def test_paths_partition_the_dstates_and_come_in_pairs(seed):
 
 def test_circular_paths_are_counted_without_the_order_axiom():
     plus = ["a+1", "b+1", "a-1", "b-1"]
-    from hssh_kb.experience import make_experience
+    from hssh_kb.trace import make_experience
 
     ring = make_experience([(plus, None, 0), (plus, 0, 0), (plus, 0, None)])
     hypothesis = Hypothesis((0, 1, 0), (0, 0, 0))

@@ -5,11 +5,11 @@ import pytest
 from small_kbs import make_kb, true_map, walk_true
 from symbolic_walks import Eyes, make_grid, observe, walk_randomly
 
-from hssh_kb.experience import load_trace, make_experience
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.maps import count_paths, enumerate_maps
 from hssh_kb.place_graph import build_place_graph
 from hssh_kb.ranking import count_map
+from hssh_kb.trace import load_trace, make_experience
 
 
 @pytest.mark.parametrize("name", ["ring-2x2-l", "figure8-3x2-lt", "grid-3x3-ltplus"])

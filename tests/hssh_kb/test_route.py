@@ -13,13 +13,14 @@ from small_kbs import make_kb, true_map, walk_true
 from symbolic_walks import Eyes, make_grid, observe, walk_randomly
 
 from hssh_kb.errors import InputError, NoAnswerError
-from hssh_kb.experience import Experience, Reading, Visit, load_trace, make_experience
+from hssh_kb.experience import Experience, Reading, Visit
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.kb import KnowledgeBase
 from hssh_kb.place_graph import build_place_graph
 from hssh_kb.ranking import RankedMaps
 from hssh_kb.route import plan_route
 from hssh_kb.route_steps import describe_route, follow_steps
+from hssh_kb.trace import load_trace, make_experience
 from perception.star import Dlp, Star
 
 

@@ -10,11 +10,12 @@ from symbolic_walks import Eyes, explore, follow_route, make_grid, observe, walk
 
 from hssh_kb.consistency import judge_hypothesis
 from hssh_kb.errors import InputError
-from hssh_kb.experience import Displacement, Experience, Visit, make_experience
+from hssh_kb.experience import Displacement, Experience, Visit
 from hssh_kb.map_tree import score_hypothesis
 from hssh_kb.maps import enumerate_maps
 from hssh_kb.score import TERMS, estimate_score
 from hssh_kb.search import search_maps
+from hssh_kb.trace import make_experience
 from hssh_kb.tree_search import TreeOfMaps
 
 ROBOT = Eyes(
