@@ -10,7 +10,7 @@ from hssh_kb.answers import document_graph, document_maps
 from hssh_kb.errors import NoAnswerError, UsageError
 from hssh_kb.records import PlaceLayout, Trajectory
 from hssh_kb.trace import experience_to_data
-from perception.files import write_atomically
+from perception.atomic import write_atomically
 
 if TYPE_CHECKING:
     from hssh_kb.kb import KnowledgeBase

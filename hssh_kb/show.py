@@ -14,7 +14,7 @@ from hssh_kb.map_geometry import MapGeometry, find_geometry
 from hssh_kb.palette import BLOCKED, DRIVE, INK, PAPER, ROUTE, STUB, Palette, paint_grid
 from hssh_kb.place_graph import Edge, Place, PlaceGraph
 from hssh_kb.scene import Bitmap, Disc, Line, Scene, Shape, Text
-from perception.files import write_atomically
+from perception.atomic import write_atomically
 from perception.geometry import Array
 from perception.grid import UNKNOWN
 

@@ -21,12 +21,12 @@ import numpy as np
 
 from hssh_kb.errors import InputError
 from hssh_kb.experience import Experience
-from hssh_kb.files import looks_like_json, replace_file
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.kb import KnowledgeBase
 from hssh_kb.ranking import RankedMaps
 from hssh_kb.records import BuildRecord, PlaceLayout, Raster, Trajectory
-from hssh_kb.trace import experience_from_data, experience_to_data, load_trace
+from hssh_kb.trace import experience_from_data, experience_to_data, load_trace, looks_like_json
+from perception.atomic import replace_file
 from perception.grid import Frame
 
 SCHEMA = "hssh.kb/1"

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from perception.atomic import write_atomically
 from perception.errors import InputError
-from perception.files import write_atomically
 from perception.geometry import Array
 from perception.scanlog import ScanLog
 

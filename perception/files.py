@@ -1,4 +1,4 @@
-"""Reading and writing files: compression found by content, writes that never leave half a file."""
+"""Reading files: compression is found by content."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import bz2
 import gzip
 import lzma
 import os
-import tempfile
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -80,37 +79,3 @@ def _check_size(data: bytes, path: Path) -> bytes:
             "at once; split the log"
         )
     return data
-
-
-def write_atomically(path: str | os.PathLike[str], data: bytes) -> None:
-    """Write a file so that at any moment the old one or the whole new one stands at ``path``.
-
-    Raises
-    ------
-    InputError : the directory is missing or cannot be written to.
-    """
-    path = Path(path)
-    if path.is_dir():
-        raise InputError(f"{path}: is a directory, expected the name of a file to write")
-    handle, temporary = -1, ""
-    try:
-        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(data)
-            stream.flush()
-            os.fsync(stream.fileno())
-        _give_default_mode(temporary)
-        Path(temporary).replace(path)
-    except OSError as error:
-        if temporary:
-            Path(temporary).unlink(missing_ok=True)
-        raise InputError(
-            f"{path}: cannot be written ({error.strerror or error}); choose another place"
-        ) from error
-
-
-def _give_default_mode(path: Any) -> None:  # noqa: ANN401
-    """Give a temporary file the permissions that a plainly created file would have."""
-    umask = os.umask(0)
-    os.umask(umask)
-    Path(path).chmod(0o666 & ~umask)

@@ -90,8 +90,8 @@ def _read_star(args: argparse.Namespace, file: str, target: Path | None) -> dict
     if target is not None:
         import cv2
 
+        from perception.atomic import write_atomically
         from perception.draw import draw_topology
-        from perception.files import write_atomically
 
         png = cv2.imencode(".png", draw_topology(image, topology))[1]
         write_atomically(target, png.tobytes())

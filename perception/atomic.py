@@ -8,13 +8,13 @@ import secrets
 from collections.abc import Iterator
 from pathlib import Path
 
-from hssh_kb.errors import InputError
+from perception.errors import InputError
 
 _SUFFIX = ".part"
 
 
 @contextlib.contextmanager
-def replace_file(path: str | Path) -> Iterator[Path]:
+def replace_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Give the path of a temporary file that becomes ``path`` if the block ends well.
 
     A kill at any moment leaves the old file or the new one. A temporary file that a killed
@@ -56,14 +56,15 @@ def replace_file(path: str | Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def looks_like_json(path: str | Path) -> bool:
-    """Tell a trace from a log by its first visible character; False if it cannot be read."""
-    try:
-        with Path(path).open("rb") as file:
-            head = file.read(4096).removeprefix(b"\xef\xbb\xbf").lstrip()
-    except OSError:
-        return False
-    return head[:1] in (b"{", b"[")
+def write_atomically(path: str | os.PathLike[str], data: bytes) -> None:
+    """Write a file so that at any moment the old one or the whole new one stands at ``path``.
+
+    Raises
+    ------
+    InputError : the folder is missing or cannot be written to.
+    """
+    with replace_file(path) as temporary:
+        temporary.write_bytes(data)
 
 
 def remove_leftovers(path: Path) -> None:
