@@ -78,8 +78,7 @@ class _Candidate:
         if away < self.reviewed_m + REVIEW_STEP_M or away > REVIEW_MAX_M:
             return
         self.reviewed_m = away
-        pose = poses[scan].copy()
-        sighting = read_topology(scan, pose, local, settings, at_m=self.centre_m)
+        sighting = read_topology(scan, poses, local, settings, at_m=self.centre_m)
         if sighting is None:
             self.denials += 1
         elif np.hypot(*(sighting.centre_m - self.centre_m)) < 2.0:

@@ -13,6 +13,7 @@ import numpy as np
 from perception.errors import InputError
 from perception.geometry import Array, wrap_angle
 from perception.grid import Frame
+from perception.level import Level, filter_gateways
 from perception.lpm import LocalMap
 from perception.scanlog import ScanLog
 from perception.star import Star
@@ -33,8 +34,10 @@ class PlaceSettings:
     step_m, step_rad : the local topology is read after this much travel or turning.
     same_place_m : readings whose centres lie closer than this speak of one place.
     confirmations : how many readings commit a place.
-    min_frontier_m, min_depth_m : a gateway narrower at its frontier, or leading less far, does not
-        count (the *level*: corridors, or doors too).
+    min_frontier_m, min_depth_m : a gateway narrower at its frontier, or leading less far, is not
+        looked for (corridors, or doors too).
+    min_gateway_m : a narrower gateway, once found, does not count, unless the robot drives through
+        it (the *level*; see :mod:`perception.level`).
     vote_m : a reading taken this far from the centre has its vote lowered to 61 %.
     runner_up : readings of the star with a smaller share of the votes are dropped.
     max_readings : how many readings of one star are kept.
@@ -50,6 +53,7 @@ class PlaceSettings:
     confirmations: int = 2
     min_frontier_m: float = 0.9
     min_depth_m: float = 1.0
+    min_gateway_m: float = 0.0
     vote_m: float = 1.5
     runner_up: float = 0.04
     max_readings: int = 6
@@ -110,7 +114,7 @@ def read_sightings(
         if last is not None and _moved_little(poses[last], poses[i], settings):
             continue
         last = i
-        yield read_topology(i, poses[i], local, settings), i, local
+        yield read_topology(i, poses, local, settings), i, local
 
 
 def _moved_little(a: Array, b: Array, settings: PlaceSettings) -> bool:
@@ -119,20 +123,21 @@ def _moved_little(a: Array, b: Array, settings: PlaceSettings) -> bool:
 
 
 def read_topology(
-    scan: int, pose: Array, local: LocalMap, settings: PlaceSettings, at_m: Array | None = None
+    scan: int, poses: Array, local: LocalMap, settings: PlaceSettings, at_m: Array | None = None
 ) -> Sighting | None:
     """Read the local topology around the robot, or around another point of the LPM.
 
     Parameters
     ----------
-    scan : index of the last scan in the LPM. pose : (3,) of the laser then, drive frame.
+    scan : index of the last scan in the LPM.
+    poses : (n, 3) of the laser, drive frame, of all scans so far or of the whole drive.
     at_m : (2,) the other point, drive frame.
 
     Returns
     -------
     None on what is most likely a bare path, and where no gateway search is possible.
     """
-    image, frame = local.image(), local.frame
+    image, frame, pose = local.image(), local.frame, poses[scan].copy()
     column, row = frame.to_pixels(pose[:2] if at_m is None else at_m)
     try:
         topology = local_topology(
@@ -146,6 +151,10 @@ def read_topology(
         )
     except InputError:  # the LPM shows the robot in a wall: somebody stands close by
         return None
+    if settings.min_gateway_m > 0:
+        level = Level(min_width_m=settings.min_gateway_m)
+        way_px = frame.to_pixels(_list_nearby(poses, scan, settings.lpm_m))
+        topology = filter_gateways(topology, level, settings.cell_m, way_px)
     share = sum(r.weight for r in topology.readings if not is_path(r.star))
     if share < LEAST_SHARE or not topology.gateways:
         return None
@@ -153,4 +162,13 @@ def read_topology(
     centre = base.mean(axis=0)
     gates = frame.to_metres(np.array([g.centre_px for g in topology.gateways], float))
     radius = float(np.median(np.hypot(*(gates - centre).T)))
-    return Sighting(scan, pose.copy(), centre, radius, gates, share, topology, frame)
+    return Sighting(scan, pose, centre, radius, gates, share, topology, frame)
+
+
+def _list_nearby(poses: Array, scan: int, reach_m: float) -> Array:
+    """Return where the robot was (k, 2) just before and after a scan, as long as it was near."""
+    far = np.flatnonzero(np.hypot(*(poses[:, :2] - poses[scan, :2]).T) > reach_m)
+    k = int(np.searchsorted(far, scan))
+    first = int(far[k - 1]) + 1 if k > 0 else 0
+    last = int(far[k]) if k < len(far) else len(poses)
+    return np.asarray(poses[first:last, :2])

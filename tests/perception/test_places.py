@@ -119,6 +119,17 @@ def test_more_confirmations_leave_fewer_places(log, visits):
     assert visits
 
 
+def test_narrow_gateways_count_where_the_robot_drives_through_them(log, visits):
+    wide = detect_places(log, log.truth, replace(PlaceSettings(), min_gateway_m=2.3))
+    assert [v.scan for v in wide] == [v.scan for v in visits]
+    for visit in wide[1:-1]:
+        reading = visit.readings[0]
+        used = {reading.star.opposite(reading.arrive), reading.depart}
+        assert {k for k, alpha in enumerate(reading.star.alpha) if alpha} >= used
+    narrow = detect_places(log, log.truth, replace(PlaceSettings(), min_gateway_m=0.5))
+    assert [v.readings[0].star for v in narrow] == [v.readings[0].star for v in visits]
+
+
 PLUS = Star.parse(["a+1", "b+1", "a-1", "b-1"])
 TEE = Star.parse(["a+1", "b+1", "a-1", "b-0"])
 EAST_SOUTH_WEST_NORTH = (0.0, -np.pi / 2, np.pi, np.pi / 2)
