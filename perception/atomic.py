@@ -39,7 +39,7 @@ def replace_file(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise InputError(f"{path}: is a directory; give the name of a file to write")
     if not path.parent.is_dir():
         raise InputError(
-            f"{path}: no such folder as {path.parent}; make it first, or write elsewhere"
+            f"{path}: cannot be written, no such folder; make it first, or write elsewhere"
         )
     remove_leftovers(path)
     temporary = path.parent / f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}{_SUFFIX}"
