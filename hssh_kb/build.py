@@ -25,6 +25,7 @@ from perception.rosmap_kind import looks_like_ros_map
 if TYPE_CHECKING:
     from hssh_kb.kb import KnowledgeBase
     from hssh_kb.ranking import RankedMaps
+    from perception.level import Doors
     from perception.localise import Trajectory as LocalTrajectory
     from perception.places import PlaceSettings, PlaceVisit
     from perception.scanlog import ScanLog
@@ -33,7 +34,6 @@ Progress = Callable[[str, int, int], None]
 """Called with (stage, done, in all)."""
 
 PosesMode = Literal["auto", "corrected", "odometry"]
-Level = Literal["corridor", "door"]
 
 SEARCH_BUDGET_S = 60.0
 CORRECTED_SIGMA = (0.05, 0.05, 0.004)
@@ -44,7 +44,8 @@ def build(
     input_path: str | Path,
     *,
     poses: PosesMode = "auto",
-    level: Level = "corridor",
+    doors: Doors = "ignore",
+    min_gateway_m: float = 0.0,
     best: int = 5,
     budget_s: float = SEARCH_BUDGET_S,
     resolution_m: float = 0.1,
@@ -63,7 +64,9 @@ def build(
         or a ``hssh.trace/1`` file; told apart by content.
     poses : "corrected" takes the corrected poses that some logs carry as they are; "odometry"
         takes raw odometry and matches scans; "auto" takes corrected poses where there are any.
-    level : "corridor" leaves narrow openings out of the stars, "door" keeps them.
+    doors : "ignore" leaves doors and what else leads nowhere far out of the stars, "keep" keeps
+        them.
+    min_gateway_m : narrower gateways count only where the robot drove through them.
     best : how many maps are kept.
     budget_s : seconds for the search; when spent, the best maps found so far are kept.
     resolution_m : side of a cell of the global map.
@@ -97,7 +100,8 @@ def build(
     return build_from_log(
         log,
         poses=poses,
-        level=level,
+        doors=doors,
+        min_gateway_m=min_gateway_m,
         best=best,
         budget_s=budget_s,
         resolution_m=resolution_m,
@@ -110,7 +114,8 @@ def build_from_log(
     log: ScanLog,
     *,
     poses: PosesMode = "auto",
-    level: Level = "corridor",
+    doors: Doors = "ignore",
+    min_gateway_m: float = 0.0,
     best: int = 5,
     budget_s: float = SEARCH_BUDGET_S,
     resolution_m: float = 0.1,
@@ -138,7 +143,7 @@ def build_from_log(
         visits = detect_places(
             log,
             local.poses,
-            settings_for(level),
+            settings_for(doors, min_gateway_m),
             lambda done, total: report("places", done, total),
         )
     if not visits:
@@ -181,7 +186,13 @@ def build_from_log(
             scans=len(log),
             seconds=clock.seconds,
             notices=log.notices + experience.notices,
-            options={"poses": poses, "level": level, "best": best, "resolution_m": resolution_m},
+            options={
+                "poses": poses,
+                "doors": doors,
+                "min_gateway_m": min_gateway_m,
+                "best": best,
+                "resolution_m": resolution_m,
+            },
         ),
     )
 
@@ -195,20 +206,23 @@ def _read_log(path: Path, scan_topic: str | None, odom_topic: str | None) -> Sca
     return read_carmen(path)
 
 
-def settings_for(level: Level) -> PlaceSettings:
-    """Return how places are detected at a level.
+def settings_for(doors: Doors, min_gateway_m: float = 0.0) -> PlaceSettings:
+    """Return how places are detected where doors count or do not; see :mod:`perception.level`.
 
     Raises
     ------
-    UsageError : there is no such level.
+    UsageError : ``doors`` is something else, or the width is none.
     """
     from perception.places import PlaceSettings
 
-    if level == "corridor":
-        return PlaceSettings()
-    if level == "door":
-        return replace(PlaceSettings(), min_frontier_m=0.5, min_depth_m=0.5, robot_radius_m=0.3)
-    raise UsageError(f"there is no level {level!r}: use 'corridor' or 'door'")
+    if not (np.isfinite(min_gateway_m) and min_gateway_m >= 0):
+        raise UsageError(f"min_gateway_m is {min_gateway_m}; expected metres, zero or more")
+    settings = replace(PlaceSettings(), min_gateway_m=min_gateway_m)
+    if doors == "ignore":
+        return settings
+    if doors == "keep":
+        return replace(settings, min_frontier_m=0.5, min_depth_m=0.5, robot_radius_m=0.3)
+    raise UsageError(f"doors={doors!r}: use 'keep' or 'ignore'")
 
 
 def _localise(

@@ -25,7 +25,8 @@ in parallel, into a folder; one that fails does not stop the others."""
 EXAMPLES = """\
   hssh build drive.log.xz                            writes drive.hssh
   hssh build drive.log.gz -o office.hssh --poses odometry
-  hssh build drive.log --level door                  narrow openings count as ways too
+  hssh build drive.log --doors keep                  doors count as ways too
+  hssh build drive.log --min-gateway 1.2             only what is wider counts
   hssh build walk.json -o walk.hssh --json
   hssh build office.yaml --names rooms.yaml          a ROS map; places are called by their rooms
   hssh build office.yaml --start=-3.5,12             the part of the floor that holds this point
@@ -52,11 +53,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=("auto", "corrected", "odometry"),
         help="take the corrected poses some logs carry, or raw odometry and scan matching "
         "(default: auto, the corrected ones where there are any)",
-    )
-    parser.add_argument(
-        "--level",
-        choices=("corridor", "door"),
-        help="what counts as a way: corridors (default), or doors and narrow openings too",
     )
     parser.add_argument(
         "--best",

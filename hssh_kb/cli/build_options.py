@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from hssh_kb.cli.options import parse_point
+from hssh_kb.cli.options import parse_metres, parse_point
 from hssh_kb.errors import UsageError
 from hssh_kb.trace import looks_like_json
 from perception.rosmap_kind import looks_like_ros_map
@@ -16,7 +16,8 @@ ENDINGS = frozenset((".yaml", ".yml", ".bag", ".mcap", ".db3"))
 
 _OPTIONS = {
     "poses": ("poses", {"log", "bag"}),
-    "level": ("level", {"log", "bag"}),
+    "doors": ("doors", {"log", "bag"}),
+    "min_gateway": ("min_gateway_m", {"log", "bag"}),
     "resolution": ("resolution_m", {"log", "bag"}),
     "best": ("best", {"log", "bag", "trace"}),
     "budget": ("budget_s", {"log", "bag", "trace"}),
@@ -30,7 +31,18 @@ _OPTIONS = {
 
 
 def add_input_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that bags and floor maps take."""
+    """Add the options that logs, bags and floor maps take."""
+    parser.add_argument(
+        "--doors",
+        choices=("keep", "ignore"),
+        help="whether doors and narrow openings count as ways (default: ignore, corridors only)",
+    )
+    parser.add_argument(
+        "--min-gateway",
+        metavar="M",
+        type=parse_metres,
+        help="gateways narrower than this (metres) count only where the robot drove through them",
+    )
     parser.add_argument("--scan", metavar="TOPIC", help="laser scans of a bag, if it has several")
     parser.add_argument("--odom", metavar="TOPIC", help="odometry of a bag, if it has several")
     parser.add_argument(
@@ -69,7 +81,7 @@ def gather_options(args: argparse.Namespace, source: Path) -> dict[str, Any]:
     kind = tell_kind(source)
     values = {name: getattr(args, name, None) for name in _OPTIONS}
     given = {name: value for name, value in values.items() if value not in (None, False)}
-    idle = [f"--{name}" for name in given if kind not in _OPTIONS[name][1]]
+    idle = [f"--{name.replace('_', '-')}" for name in given if kind not in _OPTIONS[name][1]]
     if idle:
         raise UsageError(
             f"{source} is a {kind}, for which {' and '.join(idle)} would have no effect"

@@ -104,10 +104,20 @@ def test_a_drive_without_places_says_so():
         build_from_log(dark)
 
 
-def test_levels():
-    assert settings_for("door").min_frontier_m < settings_for("corridor").min_frontier_m
+def test_doors_are_kept_or_ignored(log):
+    assert settings_for("keep").min_frontier_m < settings_for("ignore").min_frontier_m
     with pytest.raises(UsageError, match="attic"):
         settings_for("attic")
+    with pytest.raises(UsageError, match="-1"):
+        settings_for("keep", -1.0)
+
+
+def test_the_level_of_a_map_is_recorded(log, kb):
+    narrow = build_from_log(log, doors="keep", min_gateway_m=1.5)
+    assert narrow.record.options["doors"] == "keep"
+    assert narrow.record.options["min_gateway_m"] == 1.5
+    assert kb.record.options["doors"] == "ignore"
+    assert narrow.hypotheses[0].visits == kb.hypotheses[0].visits
 
 
 def test_a_trace_is_built_without_perception(traces):
