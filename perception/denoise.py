@@ -29,16 +29,13 @@ def estimate_noise(cells: Cells) -> tuple[float, float]:
     ------
     Ours.
     """
-    solid = (~cells.free).astype(np.float32)
+    solid, known = (~cells.free).view(np.uint8), (~cells.unknown).view(np.uint8)
     side = 5 if min(solid.shape) < 120 else 7
-    density = cv2.boxFilter(solid, -1, (side, side), borderType=cv2.BORDER_REPLICATE)
-    known = density[~cells.unknown]
-    if not len(known):
+    count = cv2.boxFilter(solid, -1, (side, side), normalize=False, borderType=cv2.BORDER_REPLICATE)
+    most = side * side + 1
+    levels = cv2.calcHist([count], [0], known, [most], [0, most]).ravel().astype(np.int64)
+    if not levels.any():
         return 0.0, 0.0
-    levels = np.bincount(
-        np.minimum((known * (side * side) + 0.5).astype(np.int64), side * side),
-        minlength=side * side + 1,
-    )
     split = _split(levels)
     low, high = _middle(levels[:split]), _middle(levels[split:]) + split
     return low / (side * side), 1.0 - high / (side * side)
@@ -77,7 +74,7 @@ def remove_noise(cells: Cells) -> Cells:
     sigma = (0.8 + 4.0 * max(flipped, holed) ** 2) * (1.0 if min(solid.shape) >= 120 else 0.8)
     smooth = cv2.GaussianBlur(solid, (0, 0), sigma, borderType=cv2.BORDER_REFLECT)
     occupied = (smooth > (flipped + 1.0 - holed) / 2) & ~cells.unknown
-    occupied &= ~_find_specks(occupied, 10.0 * sigma**2)
+    _clear_specks(occupied, 10.0 * sigma**2)
     return Cells(occupied, ~(occupied | cells.unknown), cells.unknown)
 
 
@@ -111,9 +108,24 @@ def mend_walls(cells: Cells) -> Cells:
     return Cells(closed, cells.free & ~closed, cells.unknown & ~closed)
 
 
-def _find_specks(mask: Mask, most_cells: float) -> Mask:
-    """Return the groups of set cells that are not larger than a number of cells."""
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=8)
-    small = stats[:, cv2.CC_STAT_AREA] <= most_cells
-    small[0] = False
-    return np.asarray(small[labels])
+def _clear_specks(mask: Mask, most_cells: float) -> None:
+    """Clear the groups of set cells that cover no more than a number of cells, in place.
+
+    The cells within a contour are counted by Pick's theorem.
+    """
+    image = mask.view(np.uint8)
+    found, hierarchy = cv2.findContours(image, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    specks = [
+        contour
+        for contour, (_, _, _, parent) in zip(found, _links(hierarchy), strict=True)
+        if parent < 0
+        and len(contour) <= 2 * most_cells
+        and cv2.contourArea(contour) + len(contour) / 2 + 1 <= most_cells
+    ]
+    if specks:
+        cv2.drawContours(image, specks, -1, 0, cv2.FILLED)
+
+
+def _links(hierarchy: np.ndarray | None) -> list[list[int]]:
+    """Return next, previous, child and parent of each contour; empty if there is none."""
+    return [] if hierarchy is None else hierarchy[0].tolist()

@@ -127,18 +127,31 @@ def _clean(
         unknown = opened[side:-side, side:-side].astype(bool)
     solid = (occupied | unknown).view(np.uint8)
     join = max(1, round(radius_px / 2)) if _stands_free(occupied, unknown) else 1
-    grown = cv2.dilate(solid, np.ones((2 * join + 1, 2 * join + 1), np.uint8))
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(grown, connectivity=8)
-    if count > 1:
-        height, width = solid.shape
-        x, y, w, h = stats[:, 0], stats[:, 1], stats[:, 2], stats[:, 3]
-        enclosed = (x > 0) & (y > 0) & (x + w < width) & (y + h < height)
-        removed = enclosed & (np.maximum(w, h) - 2 * join < island_px)
-        removed[0] = False
-        if removed.any():
-            keep = ~removed[labels]
-            occupied, unknown = occupied & keep, unknown & keep
+    islands = _find_islands(_grow(solid, 2 * join + 1), island_px + 2 * join)
+    if islands is not None:
+        occupied, unknown = occupied & ~islands, unknown & ~islands
     return occupied, unknown
+
+
+def _find_islands(solid: NDArray[np.uint8], most_px: float) -> Mask | None:
+    """Return the groups of set cells off the border that are smaller than that both ways."""
+    found, hierarchy = cv2.findContours(solid, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
+    if not found:
+        return None
+    height, width = solid.shape
+    islands = []
+    for contour, link in zip(found, hierarchy[0].tolist(), strict=True):
+        if link[3] >= 0:
+            continue
+        x, y, w, h = cv2.boundingRect(contour)
+        inner = x > 0 and y > 0 and x + w < width and y + h < height
+        if inner and max(w, h) < most_px:
+            islands.append(contour)
+    if not islands:
+        return None
+    mask = np.zeros(solid.shape, np.uint8)
+    cv2.drawContours(mask, islands, -1, 1, cv2.FILLED)
+    return mask.view(bool)
 
 
 def _stands_free(occupied: Mask, unknown: Mask) -> bool:
@@ -147,8 +160,11 @@ def _stands_free(occupied: Mask, unknown: Mask) -> bool:
     Then pieces of wall closer together than the robot are one obstacle. Where unknown space lies
     behind the walls it joins their pieces, and what is left near them is dirt.
     """
-    backed = occupied & _touches(unknown, 3)
-    return bool(np.count_nonzero(backed) < 0.2 * np.count_nonzero(occupied))
+    count = np.count_nonzero(occupied)
+    if not unknown.any():
+        return bool(count > 0)
+    backed = occupied & _grow(unknown.view(np.uint8), 3).view(bool)
+    return bool(np.count_nonzero(backed) < 0.2 * count)
 
 
 def _reach(
@@ -159,15 +175,14 @@ def _reach(
     A way is a chain of cells whose neighbours are all passable; the neighbours belong to the
     region too, so that its two walls are never one.
     """
-    free = cv2.erode((~(occupied | unknown)).view(np.uint8), _FULL)
-    wide = np.asarray(free, np.uint8)
+    wide = np.asarray(cv2.erode((~(occupied | unknown)).view(np.uint8), _FULL), np.uint8)
     if radius_px > 1.5:
         distance = cv2.distanceTransform((~occupied).view(np.uint8), cv2.DIST_L2, 5)
         wide[np.asarray(distance < radius_px)] = 0
     start = _stand(wide, occupied, robot_px)
     flood = cv2.copyMakeBorder(1 - wide, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=1)
     cv2.floodFill(wide, flood, start, 2, flags=4)
-    return cv2.dilate((wide == 2).view(np.uint8), _FULL).astype(bool), start
+    return _grow((wide == 2).view(np.uint8), 3).view(bool), start
 
 
 def _stand(
@@ -202,10 +217,15 @@ def _stand(
     )
 
 
+def _grow(mask: NDArray[np.uint8], side: int) -> NDArray[np.uint8]:
+    """Return the cells within a square of the given odd side about set cells."""
+    return np.asarray(cv2.dilate(mask, np.ones((side, side), np.uint8)), np.uint8)
+
+
 def _touches(mask: Mask, side: int, *, border: bool = False) -> Mask:
-    """Return the cells near the mask, within a square (or at the border of the grid)."""
+    """Return the cells near the mask, within a disc (or at the border of the grid)."""
     shape = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)) if side > 3 else _FULL
-    near = cv2.dilate(mask.view(np.uint8), shape).astype(bool)
+    near = np.asarray(cv2.dilate(mask.view(np.uint8), shape), np.uint8).view(bool)
     if border:
         near[0], near[-1], near[:, 0], near[:, -1] = True, True, True, True
     return near

@@ -8,18 +8,15 @@ rough wall, since both sides of such a branch are the same arc. What is left joi
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from perception.cracks import OPEN, Cracks, find_cracks, link_cracks, measure_field, walk_chains
 from perception.geometry import Array
 from perception.region import Index, Region
 
-OPEN = -1
-"""Stands for the index of a wall cell on the side of a branch where there is no wall within M."""
+__all__ = ["OPEN", "Branch", "Node", "Skeleton", "build_skeleton", "walk_chains"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,17 +115,6 @@ class Skeleton:
         return np.concatenate([branch.points_px for branch in self.branches])
 
 
-@dataclass(frozen=True)
-class _Cracks:
-    """Edges between two cells of different faces: corners they join, and what lies beside them."""
-
-    corners: Index  # (n, 2) corner numbers
-    points: Array  # (n, 2)
-    radius: Array  # (n,)
-    walls: Index  # (n, 2) nearest wall cell of the first and of the second cell
-    second_on_left: NDArray[np.bool_]  # looking from corner 0 to corner 1
-
-
 def build_skeleton(region: Region, *, midline_px: float) -> Skeleton:
     """Build the EVG of a region, joining its exits.
 
@@ -147,128 +133,15 @@ def build_skeleton(region: Region, *, midline_px: float) -> Skeleton:
     """
     if not len(region.walls):
         return Skeleton()
-    faces, nearest, distance = _faces(region, midline_px)
-    cracks = _find_cracks(region, faces, nearest, distance, midline_px)
-    return _trace(region, cracks)
+    return _trace(region, find_cracks(region, measure_field(region, midline_px)))
 
 
-def _faces(
-    region: Region, midline_px: float
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float32]]:
-    """Return the face of each cell (0 outside), its nearest wall cell and the distance to it."""
-    source = np.ones(region.inside.shape, np.uint8)
-    source[region.walls[:, 1], region.walls[:, 0]] = 0
-    found = cv2.distanceTransformWithLabels(source, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
-    distance, labels = np.asarray(found[0], np.float32), np.asarray(found[1], np.int32)
-    own = labels[region.walls[:, 1], region.walls[:, 0]]
-    to_wall = np.zeros(int(own.max()) + 1, np.int32)
-    to_wall[own] = np.arange(len(own))
-    nearest = to_wall[labels]
-    faces = (region.arc.astype(np.int32) + 1)[nearest]
-    faces[~region.inside] = 0
-    midline = midline_px - region.radius_px - 0.5
-    wide = (distance >= midline) & region.inside
-    if wide.any():
-        count, components = cv2.connectedComponents(wide.view(np.uint8), connectivity=4)
-        open_faces = np.asarray(components, np.int32)
-        deepest = np.zeros(count, np.float32)
-        np.maximum.at(deepest, open_faces[wide], distance[wide])
-        keep = deepest >= 1.3 * midline
-        keep[0] = False
-        chosen = keep[open_faces]
-        faces[chosen] = open_faces[chosen] + int(region.arc.max()) + 1
-    return faces, nearest, distance
-
-
-def _find_cracks(
-    region: Region,
-    faces: NDArray[np.int32],
-    nearest: NDArray[np.int32],
-    distance: NDArray[np.float32],
-    midline_px: float,
-) -> _Cracks:
-    """Find the edges between neighbouring cells of two faces, and the sub-cell crossing there."""
-    height, width = faces.shape
-    first_face_open = int(region.arc.max()) + 2
-    parts = []
-    for down in (0, 1):
-        a = faces[: height - down, : width - 1 + down]
-        b = faces[down:, 1 - down :]
-        y, x = np.nonzero((a != b) & (a > 0) & (b > 0))
-        cell_a, cell_b = np.stack([x, y], 1), np.stack([x + 1 - down, y + down], 1)
-        corner = np.stack([x + 1 - down, y + down], 1)
-        other = corner + np.array([down, 1 - down])
-        corners = np.stack([c[:, 1] * (width + 1) + c[:, 0] for c in (corner, other)], 1)
-        parts.append((corners, cell_a, cell_b, np.full(len(x), bool(1 - down))))
-    corners, cell_a, cell_b, second_left = (
-        np.concatenate([part[k] for part in parts]) for k in range(4)
-    )
-    wall_a = nearest[cell_a[:, 1], cell_a[:, 0]].astype(np.int64)
-    wall_b = nearest[cell_b[:, 1], cell_b[:, 0]].astype(np.int64)
-    open_a = faces[cell_a[:, 1], cell_a[:, 0]] >= first_face_open
-    open_b = faces[cell_b[:, 1], cell_b[:, 0]] >= first_face_open
-    step = (cell_b - cell_a).astype(float)
-    to_a = (cell_a - region.walls[wall_a]).astype(float)
-    to_b = (cell_a - region.walls[wall_b]).astype(float)
-    slope = 2 * np.sum(step * (to_a - to_b), axis=1)
-    gap = np.sum(to_b**2, axis=1) - np.sum(to_a**2, axis=1)
-    share = np.where(np.abs(slope) > 1e-9, gap / np.where(slope == 0, 1, slope), 0.5)
-    level = midline_px - region.radius_px - 0.5
-    far_a = distance[cell_a[:, 1], cell_a[:, 0]].astype(float)
-    far_b = distance[cell_b[:, 1], cell_b[:, 0]].astype(float)
-    span = np.where(far_b == far_a, 1.0, far_b - far_a)
-    share = np.where(open_a | open_b, (level - far_a) / span, share)
-    points = cell_a + np.clip(share, 0.0, 1.0)[:, None] * step
-    wall = np.where(open_a, wall_b, wall_a)
-    radius = np.hypot(*(points - region.walls[wall]).T) + region.radius_px + 0.5
-    walls = np.stack([np.where(open_a, OPEN, wall_a), np.where(open_b, OPEN, wall_b)], 1)
-    return _Cracks(corners, points, radius, walls, second_left)
-
-
-def walk_chains(following: list[int], nodes: list[int]) -> Iterator[tuple[Index, int, int]]:
-    """Follow cracks from node to node, then round what is left over.
-
-    Parameters
-    ----------
-    following : for each end of a crack (2 k and 2 k + 1), the end of another crack it meets; -1 at
-        a node.
-    nodes : for each end, its node; -1 if it is not at one.
-
-    Yields
-    ------
-    (ends at which the cracks are entered, first end, last end) of each chain; a ring has no nodes.
-    """
-    seen = bytearray(len(nodes) // 2)
-    starts = [k for k, node in enumerate(nodes) if node >= 0]
-    for start in [*starts, *range(0, len(nodes), 2)]:
-        if seen[start >> 1]:
-            continue
-        path, end = list[int](), start
-        while True:
-            path.append(end)
-            seen[end >> 1] = 1
-            last = end ^ 1
-            end = following[last]
-            if end < 0 or end >> 1 == start >> 1:
-                break
-        yield np.array(path), start, last
-
-
-def _trace(region: Region, cracks: _Cracks) -> Skeleton:
+def _trace(region: Region, cracks: Cracks) -> Skeleton:
     """Join cracks into branches between nodes."""
-    ends = cracks.corners.ravel()
-    order = np.argsort(ends, kind="stable")
-    corner, first, count = np.unique(ends[order], return_index=True, return_counts=True)
-    beyond = np.full(len(ends), -1, np.int64)
-    pairs = first[count == 2]
-    one, two = order[pairs], order[pairs + 1]
-    beyond[one], beyond[two] = two, one
-    node_of_end = np.full(len(ends), -1, np.int64)
-    for k in np.flatnonzero(count != 2):
-        node_of_end[order[first[k] : first[k] + count[k]]] = corner[k]
-    following, nodes = beyond.tolist(), node_of_end.tolist()
+    beyond, node_of_end = link_cracks(cracks.corners)
+    ends, nodes = cracks.corners.ravel(), node_of_end.tolist()
     skeleton = Skeleton()
-    for path, start, last in walk_chains(following, nodes):
+    for path, start, last in walk_chains(beyond.tolist(), nodes):
         tail, head = nodes[start], nodes[last]
         if tail < 0:
             tail = head = int(ends[start])
@@ -277,15 +150,13 @@ def _trace(region: Region, cracks: _Cracks) -> Skeleton:
 
 
 def _add_branch(
-    skeleton: Skeleton, region: Region, cracks: _Cracks, path: Index, ends: tuple[int, int]
+    skeleton: Skeleton, region: Region, cracks: Cracks, path: Index, ends: tuple[int, int]
 ) -> None:
     """Add the branch that a list of crack ends (2 x crack + end entered by) describes."""
-    crack, entered = path >> 1, path & 1
-    swap = cracks.second_on_left[crack] == (entered == 0)
-    walls = cracks.walls[crack]
-    left = np.where(swap, walls[:, 1], walls[:, 0])
-    right = np.where(swap, walls[:, 0], walls[:, 1])
-    branch = Branch(*ends, cracks.points[crack], cracks.radius[crack], left, right)
+    crack, backwards = path >> 1, (path & 1).astype(bool)
+    left, right = cracks.left[crack], cracks.right[crack]
+    left, right = np.where(backwards, right, left), np.where(backwards, left, right)
+    branch = Branch(*ends, cracks.points_px[crack], cracks.radius_px[crack], left, right)
     skeleton.branches.append(branch)
     for node, k in ((ends[0], 0), (ends[1], -1)):
         if node not in skeleton.nodes:
