@@ -8,7 +8,7 @@ much as asked for.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -24,11 +24,15 @@ BEARINGS = (0.0, -math.pi / 2, math.pi, math.pi / 2)
 
 @dataclass(frozen=True)
 class World:
-    """Places with their dlps (clockwise: bearing, path name, direction, alpha), and corridors."""
+    """Places with their dlps (clockwise: bearing, path name, direction, alpha), and corridors.
+
+    ``lengths``: of corridors that do not run straight, by where they start.
+    """
 
     positions: tuple[tuple[float, float], ...]
     dlps: tuple[tuple[tuple[float, str, str, int], ...], ...]
     corridors: dict[tuple[int, int], tuple[int, int]]
+    lengths: dict[tuple[int, int], float] = field(default_factory=dict)
 
     def opposite(self, place: int, k: int) -> int:
         _, name, direction, _ = self.dlps[place][k]
@@ -214,6 +218,8 @@ def observe(world: World, walk: Walk, eyes: Eyes, rng: np.random.Generator) -> T
     """Write down a walk as an experience, seen with the given eyes."""
     kept = [v for v in range(len(walk.places)) if not _is_missed(world, walk, v, eyes, rng)]
     frames = [_choose_frame(world, walk, v, eyes, rng) for v in range(len(walk.places))]
+    ways = zip(walk.places, walk.depart, strict=True)
+    lengths = [eyes.scale * world.lengths.get(way, 0.0) for way in ways]
     visits, truths, skipped = [], [], []
     for order, v in enumerate(kept):
         readings, true = _read_star(world, walk, v, frames[v][2], eyes, rng)
@@ -222,7 +228,7 @@ def observe(world: World, walk: Walk, eyes: Eyes, rng: np.random.Generator) -> T
             skipped.append(order)
         displacement = None
         if order:
-            displacement = _measure(frames, range(kept[order - 1], v + 1), eyes, rng)
+            displacement = _measure(frames, lengths, range(kept[order - 1], v + 1), eyes, rng)
         visits.append(Visit(tuple(readings), displacement))
     experience = Experience(tuple(visits), "walk", slip=_slip_of(eyes))
     places = tuple(walk.places[v] for v in kept)
@@ -251,7 +257,7 @@ def _choose_frame(world, walk, v, eyes, rng) -> tuple[float, float, float]:
     return x, y, theta
 
 
-def _measure(frames, steps, eyes, rng) -> Displacement:
+def _measure(frames, lengths, steps, eyes, rng) -> Displacement:
     """The displacement from the first of the frames to the last, travel by travel."""
     pose, cov = np.zeros(3), np.zeros((3, 3))
     for a, b in pairwise(steps):
@@ -259,7 +265,8 @@ def _measure(frames, steps, eyes, rng) -> Displacement:
         xb, yb, tb = frames[b]
         c, s = math.cos(ta), math.sin(ta)
         dx, dy = c * (xb - xa) + s * (yb - ya), -s * (xb - xa) + c * (yb - ya)
-        sigma = math.hypot(eyes.sigma * math.hypot(dx, dy), eyes.sigma_m)
+        length = max(lengths[a], math.hypot(dx, dy))
+        sigma = math.hypot(eyes.sigma * length, eyes.sigma_m)
         z = np.array([dx, dy, tb - ta]) + rng.normal(0, 1, 3) * [sigma, sigma, eyes.heading_rad]
         c, s = math.cos(pose[2]), math.sin(pose[2])
         turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
