@@ -115,8 +115,6 @@ class Prediction:
     unknown: bool
     gap: Array
     spread: Array
-    _gaps: list[list[float]]
-    _spreads: list[list[list[float]]]
 
     @classmethod
     def of(
@@ -134,7 +132,7 @@ class Prediction:
         across = cross.reshape(3, n + 1, 3)[:, 1:].transpose(1, 0, 2)
         gap = np.array(pose) - known.mean[1:]
         spread = cov + own - across - across.transpose(0, 2, 1)
-        return cls(known, pose, cov, cross, unknown, gap, spread, gap.tolist(), spread.tolist())
+        return cls(known, pose, cov, cross, unknown, gap, spread)
 
     def measure(self, place: int, turn_rad: float) -> Innovation:
         """Return the innovation if the visit is at a place.
@@ -144,9 +142,9 @@ class Prediction:
         place : number of the place.
         turn_rad : direction of the frame of the visit in the frame of the place.
         """
-        x, y, turn = self._gaps[place]
+        x, y, turn = self.gap[place].tolist()
         turn = (turn - turn_rad + math.pi) % (2 * math.pi) - math.pi
-        return Innovation((x, y, turn), self._spreads[place])
+        return Innovation((x, y, turn), self.spread[place].tolist())
 
     def found_place(self) -> PlaceFilter:
         """Return the filter with the visit as a new place."""
