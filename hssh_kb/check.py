@@ -183,12 +183,7 @@ def check(
         return _spent(budget_s)
     if example is not None:
         return Check(True, (), (), "consistent", _tell_consistent(supposed), example=example)
-    # Of a long experience it may be known only which part has no map; the reasons are sought there.
-    part = [x for x in literals if oracle.core is None or x in oracle.core]
-    found = find_conflicts(part, oracle.consistent, limit=limit, end=end)
-    if oracle.core is not None:
-        found.repairs = _keep_repairs(oracle, literals, found.repairs)
-        found.complete = False
+    found = find_conflicts(literals, oracle.consistent, limit=limit, end=end)
     narrator = Narrator(experience, supposed, planarity=planarity)
     violations = _narrate(narrator, found.conflicts, end)
     repairs = tuple(
@@ -276,20 +271,6 @@ def explain_new(
     else:
         text = f"The budget was spent before all visits earlier than {label} were asked about."
     return NewPlace(visit, earlier, forced, complete, text)
-
-
-def _keep_repairs(
-    oracle: Oracle, literals: Sequence[Literal], repairs: Sequence[frozenset[Literal]]
-) -> list[frozenset[Literal]]:
-    """Return the repairs of a part of the experience that mend the whole of it."""
-    kept = []
-    for repair in repairs:
-        try:
-            if oracle.consistent(frozenset(literals) - repair):
-                kept.append(repair)
-        except OutOfTimeError:
-            continue
-    return kept
 
 
 def _narrate(

@@ -76,39 +76,6 @@ class Closure:
         ]
         self._rotations: dict[tuple[int, int], tuple[int, ...]] = {}
 
-    def close(
-        self,
-        trusted: frozenset[int],
-        travels: Sequence[int],
-        assumptions: Iterable[Assumption],
-    ) -> Hypothesis | None:
-        """Return the least map, or None if every alignment of the stars violates an axiom.
-
-        Parameters
-        ----------
-        trusted : visits whose star is believed.
-        travels : travels that are believed, each named by the visit it leads to.
-        assumptions : what is supposed.
-        """
-        given = list(assumptions)
-        believed = sorted(v for v in travels if v in trusted and v - 1 in trusted)
-        same = [a for a in given if a.same]
-        for alignment in self._alignments(trusted, same):
-            classes = _Classes(self)
-            try:
-                for a in same:
-                    classes.unite(a.one, a.other)
-                for v, w, rotation in alignment:
-                    classes.align(v, w, rotation)
-                links = self._close_travels(believed, classes)
-                self._check_order(links)
-                self._check_different(classes, [a for a in given if not a.same])
-            except _ConflictError:
-                continue
-            doubted = sorted(set(range(1, len(self.stars))) - set(travels))
-            return classes.to_hypothesis(doubted)
-        return None
-
     def relate(
         self, trusted: frozenset[int], travels: Sequence[int], assumptions: Iterable[Assumption]
     ) -> set[tuple[int, int, int]]:

@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Sequence
-from heapq import heappop, heappush
 from math import log
 from typing import NamedTuple
 
-from hssh_kb.congruence import Assumption, Closure
-from hssh_kb.experience import Experience, has_types
-from hssh_kb.facts import experience_to_facts
+from hssh_kb.congruence import Assumption
+from hssh_kb.experience import Experience
 from hssh_kb.hypothesis import Hypothesis
-from hssh_kb.planar_search import find_planar_map
-from hssh_kb.planarity import is_planar
-from hssh_kb.program import make_converter
-from hssh_kb.solver import solve_all
-from hssh_kb.subsets import OutOfTimeError, shrink_conflict
-from hssh_kb.theory import axiom_program, read_programs
+from hssh_kb.solver import Symbol, solve_best
+from hssh_kb.subsets import OutOfTimeError
+from hssh_kb.witness import WitnessSearch
 
 
 class Literal(NamedTuple):
@@ -31,11 +26,6 @@ class Literal(NamedTuple):
     number: int
 
 
-SEARCH_LIMIT = 30
-"""Where planarity decides, at most so many visits are handed to the solver at once."""
-
-_SOON_S, _PATIENCE_S = 0.4, 60.0
-
 AXIOMS = (
     "star_isomorphism",
     "path_types",
@@ -45,6 +35,8 @@ AXIOMS = (
     "planarity",
 )
 """The axioms by which a map can fail; the others hold by the way a map is written down."""
+
+_PRICE_SCALE = 1000
 
 
 def assumption_facts(assumptions: Iterable[tuple[int, Assumption]]) -> str:
@@ -57,6 +49,9 @@ def assumption_facts(assumptions: Iterable[tuple[int, Assumption]]) -> str:
 
 class Oracle:
     """Answers whether a set of literals has a map.
+
+    What is consistent stays so with fewer literals, and what is not stays so with more; so answers
+    already found often say enough.
 
     Parameters
     ----------
@@ -75,11 +70,10 @@ class Oracle:
     ) -> None:
         self.experience, self.assumptions = experience, assumptions
         self.planarity, self.end = planarity, end
-        self.closure = Closure(experience)
-        self.certain = all(len(visit.readings) == 1 for visit in experience.visits)
-        self.searches = 0
-        self.core: frozenset[Literal] | None = None
-        self._known: dict[frozenset[Literal], Hypothesis | None] = {}
+        self.cores: list[frozenset[Literal]] = []
+        self._good: list[frozenset[Literal]] = []
+        self._searches: dict[tuple[tuple[int, int], ...], WitnessSearch] = {}
+        self._refuted: list[_Refuted] = []
 
     def literals(self) -> list[Literal]:
         """Return all literals, those near the assumptions first."""
@@ -104,184 +98,105 @@ class Oracle:
         ------
         OutOfTimeError : the budget ran out.
         """
-        return self.find_map(active) is not None
+        if any(core <= active for core in self.cores):
+            return False
+        return any(active <= good for good in self._good) or self.find_map(active) is not None
 
     def find_map(self, active: frozenset[Literal]) -> Hypothesis | None:
-        """Return some map that agrees with these literals, or None if there is none."""
-        if active not in self._known:
-            self._known[active] = self._find_map(active)
-        return self._known[active]
+        """Return some map that agrees with these literals, or None if there is none.
 
-    def _find_map(self, active: frozenset[Literal]) -> Hypothesis | None:
-        least = self._close(active, self.closure)
-        if least is None and self.certain:
-            return None
-        if least is None:
-            least = self._close_readings(active)
-            if least is None:
-                return None
-        stars = frozenset(x.number for x in active if x.kind == "star")
-        if not self.planarity or is_planar(self.experience, least, stars):
-            return least
-        return self._search(active)
-
-    def _close(self, active: frozenset[Literal], closure: Closure) -> Hypothesis | None:
-        """Return the least map of some literals, planarity left aside."""
-        if self.end is not None and time.monotonic() >= self.end:
-            raise OutOfTimeError
-        stars = frozenset(x.number for x in active if x.kind == "star")
-        travels = [x.number for x in active if x.kind == "travel"]
-        assumed = [self.assumptions[x.number] for x in active if x.kind == "assumption"]
-        return closure.close(stars, travels, assumed)
-
-    def _close_readings(self, active: frozenset[Literal]) -> Hypothesis | None:
-        """Return a least map under other readings of the stars; None if no choice has one.
-
-        A choice that clashes shows a minimal conflict; any choice that does better reads some
-        visit of that conflict otherwise. So all that need trying are found, likely ones first.
-        """
-        waiting: list[tuple[float, int, dict[int, int]]] = [(0.0, 0, {})]
-        seen: set[tuple[tuple[int, int], ...]] = {()}
-        ordered = [x for x in self.literals() if x in active]
-        while waiting:
-            chosen = heappop(waiting)[2]
-            closure = Closure(self.experience, readings=chosen)
-            if chosen:
-                least = self._close(active, closure)
-                if least is not None:
-                    return least
-
-            def consistent(some: frozenset[Literal], held: Closure = closure) -> bool:
-                return self._close(some, held) is not None
-
-            conflict = shrink_conflict(ordered, consistent)
-            for v in sorted(x.number for x in conflict if x.kind == "star"):
-                for r in range(len(self.experience.visits[v].readings)):
-                    other = {**chosen, v: r}
-                    key = tuple(sorted((w, q) for w, q in other.items() if q))
-                    if key not in seen:
-                        seen.add(key)
-                        heappush(waiting, (self._price(other), len(seen), dict(key)))
-        return None
-
-    def _price(self, chosen: dict[int, int]) -> float:
-        readings = self.experience.visits
-        return -sum(log(readings[v].readings[r].weight) for v, r in chosen.items())
-
-    def _search(self, active: frozenset[Literal]) -> Hypothesis | None:
-        """Ask the solver: planarity or the choice of readings decides."""
-        visits = self.relevant_visits(active)
-        if len(visits) > SEARCH_LIMIT:
-            return self._search_long(active)
-        self.searches += 1
-        program = self.program(active, [name for name in AXIOMS if self._holds(name)], visits)
-        convert = make_converter(len(self.experience), not self.certain)
-        rest = None if self.end is None else max(self.end - time.monotonic(), 0.0)
-        found = solve_all(program, convert, limit=1, budget_s=rest)
-        if found.found:
-            return found.found[0]
-        if not found.complete:
-            raise OutOfTimeError
-        return None
-
-    def relevant_visits(self, active: frozenset[Literal]) -> list[int]:
-        """Return the visits that some literals say anything about; the others may be anywhere."""
-        visits = {x.number for x in active if x.kind == "star"}
-        for x in active:
-            if x.kind == "assumption":
-                visits |= {self.assumptions[x.number].one, self.assumptions[x.number].other}
-        return sorted(visits)
-
-    def _search_long(self, active: frozenset[Literal]) -> Hypothesis | None:
-        """Decide a long experience by a small part of it that has no map, or by finding a map.
-
-        A part whose least map is not planar is shrunk until it is smallest; if the solver finds
-        that no other map of that part is planar, no map of the whole is. If it finds one, a map of
-        the whole is sought in the tree of maps.
+        The likeliest choice of readings is tried first. A choice that has no map tells which of the
+        readings are to blame, and the next choice is the likeliest that avoids all that is known.
 
         Raises
         ------
-        OutOfTimeError : neither came to an end.
+        OutOfTimeError : the budget ran out.
         """
-        if not self.certain:
-            raise OutOfTimeError
-        least = self._close(active, self.closure)
-        held = [self.assumptions[x.number] for x in active if x.kind == "assumption"]
-        whole = len(active) - len(held) == 2 * len(self.experience) - 1  # no observation dropped
-        now = time.monotonic()
-        rest = (self.end or now + _PATIENCE_S) - now
-        if whole and least is not None:
-            # Most that has a map shows it soon; so some of the time is given to seek one first.
-            soon = now + min(_SOON_S, rest / 2)
-            found = find_planar_map(self.experience, held, least, soon)
-            if found is not None:
+        stars = frozenset(x.number for x in active if x.kind == "star")
+        known = [one for one in self._refuted if one.literals <= active]
+        chosen = self._choose_readings(known)
+        while chosen is not None:
+            if self.end is not None and time.monotonic() >= self.end:
+                raise OutOfTimeError
+            found = self._search(chosen).run(
+                stars,
+                [x.number for x in active if x.kind == "travel"],
+                [x.number for x in active if x.kind == "assumption"],
+            )
+            if not isinstance(found, int):
+                self._good.append(active)
                 return found
-        ordered = [x for x in self.literals() if x in active]
-        core = shrink_conflict(ordered, self._has_planar_closure)
-        if len(self.relevant_visits(core)) <= SEARCH_LIMIT and self.find_map(core) is None:
-            self.core = core
+            blamed = self._read_reason(found)
+            held = {x.number: chosen.get(x.number, 0) for x in blamed if x.kind == "star"}
+            self._refuted.append(_Refuted(held, blamed))
+            known = [one for one in self._refuted if one.literals <= active]
+            chosen = self._choose_readings(known)
+        self.cores.append(frozenset().union(*(one.literals for one in known)))
+        return None
+
+    def _search(self, chosen: dict[int, int]) -> WitnessSearch:
+        key = tuple(sorted(chosen.items()))
+        if key not in self._searches:
+            self._searches[key] = WitnessSearch(
+                self.experience,
+                self.assumptions,
+                readings=chosen,
+                planarity=self.planarity,
+                end=self.end,
+            )
+        return self._searches[key]
+
+    def _read_reason(self, reason: int) -> frozenset[Literal]:
+        count = len(self.experience)
+        literals = []
+        for i in range(2 * count + len(self.assumptions)):
+            if reason >> i & 1:
+                kind = ("star", "travel")[i // count] if i < 2 * count else "assumption"
+                literals.append(Literal(kind, i % count if i < 2 * count else i - 2 * count))
+        return frozenset(literals)
+
+    def _choose_readings(self, refuted: Sequence[_Refuted]) -> dict[int, int] | None:
+        """Return the likeliest readings that no refutation known holds for; None if there are none.
+
+        Raises
+        ------
+        OutOfTimeError : the budget ran out.
+        """
+        if not refuted:
+            return {}
+        visits = sorted({v for one in refuted for v in one.readings if self._several(v)})
+        if any(not any(map(self._several, one.readings)) for one in refuted):
             return None
-        if whole and least is not None:
-            found = find_planar_map(self.experience, held, least, now + rest)
-            if found is not None:
-                return found
-        raise OutOfTimeError
+        lines = []
+        for v in visits:
+            readings = self.experience.visits[v].readings
+            lines.append(f"1 {{ reading({v},0..{len(readings) - 1}) }} 1.")
+            prices = [round(-_PRICE_SCALE * log(reading.weight)) for reading in readings]
+            lines += [f":~ reading({v},{r}). [{price},{v}]" for r, price in enumerate(prices)]
+        for one in refuted:
+            body = ", ".join(
+                f"reading({v},{r})" for v, r in sorted(one.readings.items()) if self._several(v)
+            )
+            lines.append(f":- {body}.")
+        rest = None if self.end is None else max(self.end - time.monotonic(), 0.0)
+        program = "\n".join([*lines, "#show reading/2."])
+        best = solve_best(program, _read_choice, limit=1, budget_s=rest)
+        if best.found:
+            return {v: r for v, r in best.found[0].items() if r}
+        if not best.complete:
+            raise OutOfTimeError
+        return None
 
-    def _has_planar_closure(self, some: frozenset[Literal]) -> bool:
-        """Return whether the least map of some literals is planar: it need not be the only one."""
-        least = self._close(some, self.closure)
-        stars = frozenset(x.number for x in some if x.kind == "star")
-        return least is not None and is_planar(self.experience, least, stars)
+    def _several(self, v: int) -> bool:
+        return len(self.experience.visits[v].readings) > 1
 
-    def _holds(self, axiom: str) -> bool:
-        if axiom == "path_types":
-            return has_types(self.experience)
-        return self.planarity or axiom != "planarity"
 
-    def program(
-        self,
-        active: frozenset[Literal],
-        axioms: Iterable[str],
-        visits: Sequence[int] | None = None,
-    ) -> str:
-        """Return the strict program of some literals and axioms, over all visits or some."""
-        names = ["experience", "generate", "map", "assume", "components", "modes/strict", "show"]
-        chosen = range(len(self.experience)) if visits is None else visits
-        kept = set(chosen)
-        stars = {x.number for x in active if x.kind == "star"}
-        travels = {x.number for x in active if x.kind == "travel"}
-        doubted = [f"doubtable(star({v}))." for v in chosen if v not in stars]
-        doubted += [
-            f"doubtable(travel({v}))." for v in chosen if v - 1 in kept and v not in travels
-        ]
-        held = [(x.number, self.assumptions[x.number]) for x in active if x.kind == "assumption"]
-        return "\n".join(
-            [
-                read_programs([*names, *map(axiom_program, axioms)]),
-                experience_to_facts(self.experience, chosen),
-                *doubted,
-                assumption_facts(sorted(held)),
-                *self._candidates(stars, chosen),
-            ]
-        )
+class _Refuted(NamedTuple):
+    """Readings (visit -> reading) that have no map together with some literals."""
 
-    def _candidates(self, stars: set[int], chosen: Sequence[int]) -> list[str]:
-        """Return where each visit may be: wherever trusted stars do not forbid it."""
-        out = []
-        for i, v in enumerate(chosen):
-            visit = self.experience.visits[v]
-            for p in chosen[:i]:
-                there = self.experience.visits[p]
-                if v not in stars:
-                    turns: set[int] = {0}
-                elif p not in stars:
-                    turns = {r for one in visit.readings for r in range(len(one.star))}
-                else:
-                    turns = {
-                        r
-                        for one in visit.readings
-                        for other in there.readings
-                        for r in one.isomorphisms(other)
-                    }
-                out += [f"candidate({v},{p},{r})." for r in sorted(turns)]
-        return out
+    readings: dict[int, int]
+    literals: frozenset[Literal]
+
+
+def _read_choice(symbols: Sequence[Symbol]) -> dict[int, int]:
+    return {s.arguments[0].number: s.arguments[1].number for s in symbols}

@@ -1,112 +1,128 @@
-"""Some planar map of a long experience under assumptions, by growing the tree of maps."""
+"""Is there a planar map in which these visits are one place? Exact, by crossings and backjumping.
+
+Each pair of cycles that cross oddly is mended in every possible way; a way that fails tells why,
+and if the choice made here has no part in that, the choice is not tried otherwise.
+
+Source: ours; conflict-directed backjumping after Prosser 1993.
+"""
 
 from __future__ import annotations
 
 import random
 import time
-from collections.abc import Iterator, Sequence
-from itertools import count
 
-from hssh_kb.congruence import Assumption
-from hssh_kb.enumerator import TreeEnumerator
-from hssh_kb.experience import Experience
-from hssh_kb.hypothesis import Hypothesis
+from hssh_kb.crossings import (
+    Candidate,
+    Cycle,
+    explain_odd_pair,
+    find_candidates,
+    find_cycles,
+    find_odd_pairs,
+    measure_oddness,
+)
+from hssh_kb.merging import ClashError, Merging, Refused
+from hssh_kb.subsets import OutOfTimeError
 
-_FIRST_NODES = 400
-_GROWTH = 1.2
+_PAIRS_TRIED = 8
+"""Of the odd pairs, the shortest ones are looked at, and the one with the fewest ways is mended."""
+_LOOKED_AT = 12
+"""So many ways are carried out before the most promising of them is followed."""
 
 
-def find_planar_map(
-    experience: Experience,
-    assumptions: Sequence[Assumption],
-    least: Hypothesis,
-    end: float,
-) -> Hypothesis | None:
-    """Return some planar map in which assumptions hold, or None if none was found in time.
+class PlanarSearch:
+    """Seeks a planar map that comes of a merging by making further visits one place.
 
-    Depth first, compact maps first, begun anew in another random order when it gets nowhere. What
-    the least map of the assumptions makes one place is one place here.
-
-    Source
-    ------
-    Ours; the tree is that of Beeson 2008, Algorithm 8.1.
+    Parameters
+    ----------
+    end : instant (``time.monotonic``) at which to give up; None for never.
     """
-    nodes = float(_FIRST_NODES)
-    for attempt in count():
-        if time.monotonic() >= end:
-            break
-        tree = _AssumingTree(experience, assumptions, least, end, int(nodes), attempt)
-        complete = tree.run()
-        if tree.found:
-            return tree.found[0]
-        if complete and not tree.given_up and not tree.skipped:
-            break
-        nodes *= _GROWTH
-    return None
+
+    def __init__(self, end: float | None) -> None:
+        self.end, self.nodes = end, 0
+        self._rng = random.Random(0)
+
+    def run(self, merging: Merging, level: int = 0) -> Merging | int:
+        """Return a planar merging, or the reason why there is none.
+
+        Parameters
+        ----------
+        merging : where to begin; what is learned is noted in its refusals.
+        level : how many decisions were made already.
+
+        Raises
+        ------
+        OutOfTimeError : the budget ran out.
+        """
+        self.nodes += 1
+        if self.end is not None and time.monotonic() >= self.end:
+            raise OutOfTimeError
+        odd = find_odd_pairs(find_cycles(merging))
+        if not odd:
+            return merging
+        (one, other), waiting = self._choose(merging, odd)
+        reason = explain_odd_pair(merging, one, other)
+        self._rng.shuffle(waiting)
+        while waiting:
+            result = self._mend(merging, waiting[:_LOOKED_AT], level)
+            if not isinstance(result, _Failure):
+                return result
+            if result.jump:
+                return result.reason
+            reason |= result.reason
+            waiting = waiting[_LOOKED_AT:]
+        return reason
+
+    def _choose(
+        self, merging: Merging, odd: list[tuple[Cycle, Cycle]]
+    ) -> tuple[tuple[Cycle, Cycle], list[Candidate]]:
+        """Return the odd pair that can be mended in the fewest ways, and these."""
+        best, ways = odd[0], find_candidates(merging, *odd[0])
+        for pair in odd[1:_PAIRS_TRIED]:
+            if len(ways) <= 1:
+                break
+            others = find_candidates(merging, *pair)
+            if len(others) < len(ways):
+                best, ways = pair, others
+        return best, ways
+
+    def _mend(
+        self, merging: Merging, candidates: list[Candidate], level: int
+    ) -> Merging | _Failure:
+        """Try some ways of mending, the most promising first: a planar merging, or why none."""
+        bit, reason = 1 << (merging.walk.first_decision + level), 0
+        ready = list[tuple[int, int, Candidate]]()
+        for i, candidate in enumerate(candidates):
+            tried = _carry_out(merging, candidate, bit)
+            if isinstance(tried, int):
+                ready.append((-1, i, candidate))
+            else:
+                ready.append((measure_oddness(find_cycles(tried)), i, candidate))
+        for _, _, candidate in sorted(ready):
+            # Once more, as what has failed since may say that it fails too.
+            result = _carry_out(merging, candidate, bit)
+            if not isinstance(result, int):
+                result = self.run(result, level + 1)
+            if not isinstance(result, int):
+                return result
+            if not result & bit:
+                return _Failure(result, jump=True)
+            merging.refused.append(Refused(*candidate, result & ~bit))
+            reason |= result & ~bit
+        return _Failure(reason, jump=False)
 
 
-class _AssumingTree(TreeEnumerator):
-    """Grows only maps in which assumptions hold, and not for long."""
+class _Failure:
+    """Why some ways of mending fail; ``jump`` if the ways themselves have no part in it."""
 
-    def __init__(
-        self,
-        experience: Experience,
-        assumptions: Sequence[Assumption],
-        least: Hypothesis,
-        end: float,
-        most_nodes: int,
-        seed: int,
-    ) -> None:
-        super().__init__(experience, len(experience), limit=1, end=end)
-        self.most_nodes, self.given_up, self.skipped = most_nodes, False, False
-        self.rng = random.Random(seed)
-        self.boldness = (1.0, 0.8, 0.5, 0.2)[seed % 4]
-        self.same: dict[int, list[int]] = {}
-        self.different: dict[int, list[int]] = {}
-        for a in assumptions:
-            later, earlier = max(a.one, a.other), min(a.one, a.other)
-            (self.same if a.same else self.different).setdefault(later, []).append(earlier)
-        for v, p in enumerate(least.visits):
-            if p < v:
-                self.same.setdefault(v, []).append(p)
-
-    def _grow(self, v: int) -> None:
-        """Go on only if the visit just placed agrees with the assumptions."""
-        last, place = v - 1, self.visits[v - 1]
-        if self.found or self.given_up:
-            return
-        if self.nodes > self.most_nodes:
-            self.given_up = True
-            return
-        if any(self.visits[w] != place for w in self.same.get(last, ())):
-            return
-        if any(self.visits[w] == place for w in self.different.get(last, ())):
-            return
-        super()._grow(v)
-
-    def _closures(self, v: int, came: int, out: int) -> Iterator[tuple[int, int]]:
-        """Yield the ways to close a loop, boldly or not, and in another order each time."""
-        ways = list(super()._closures(v, came, out))
-        self.rng.shuffle(ways)
-        if self.rng.random() < self.boldness or self.same.get(v):
-            yield from ways
-        elif ways:
-            self.skipped = True
+    def __init__(self, reason: int, *, jump: bool) -> None:
+        self.reason, self.jump = reason, jump
 
 
-def sample_planar_maps(experience: Experience, end: float) -> Iterator[Hypothesis]:
-    """Yield planar maps of an experience, compact ones for the most part, until the time is out.
-
-    Source
-    ------
-    Ours: what a search for the best map starts from, and falls back on.
-    """
-    identity = tuple(range(len(experience)))
-    least = Hypothesis(identity, (0,) * len(experience))
-    for attempt in count():
-        if time.monotonic() >= end:
-            return
-        most_nodes = _FIRST_NODES + 20 * attempt
-        tree = _AssumingTree(experience, (), least, end, most_nodes, attempt)
-        tree.run()
-        yield from tree.found
+def _carry_out(merging: Merging, candidate: Candidate, bit: int) -> Merging | int:
+    """Return the merging with two places made one, or why that clashes."""
+    further = merging.copy()
+    try:
+        further.align(*candidate, bit)
+    except ClashError as clash:
+        return clash.reason
+    return further

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from hssh_kb.experience import Experience, has_partial_types
 from hssh_kb.hypothesis import Hypothesis
-from hssh_kb.planar_search import sample_planar_maps
+from hssh_kb.map_samples import sample_planar_maps
 from hssh_kb.planarity import is_planar, make_planarity_test
 from hssh_kb.program import has_alternatives, make_converter, strict_program
 from hssh_kb.ranking import measure_map
