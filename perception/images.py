@@ -9,16 +9,26 @@ import numpy as np
 
 from perception.errors import InputError
 from perception.grid import UNKNOWN, Image
+from perception.image_header import ImageHeader, find_damage, read_image_header
 
 MOST_CELLS = 100_000_000
-"""Larger images are refused: their skeleton would need about 40 bytes a cell."""
+BYTES_A_CELL = 25
+"""Memory that reading an image and finding its skeleton takes at most, as measured."""
+
+_HEAD_BYTES = 65536
+_KINDS = "png, pgm, pbm, ppm, jpg, bmp, tiff, webp or gif"
 
 
-def read_grey_image(path: Path | str, *, most_cells: int = MOST_CELLS) -> Image:
+def read_grey_image(path: Path | str, *, most_cells: int | None = MOST_CELLS) -> Image:
     """Read an image file as a grid.
 
-    Colours become their luminance; 16-bit levels are divided by 257; where an alpha channel
-    is less than half opaque the cell is unknown.
+    Colours become their luminance; levels of 16 bits are divided by 257 (in a PGM file, scaled by
+    the level it says is white); where an alpha channel is less than half opaque, the cell is
+    unknown.
+
+    Parameters
+    ----------
+    most_cells : larger images are refused before they are decoded; None for no limit.
 
     Returns
     -------
@@ -26,45 +36,70 @@ def read_grey_image(path: Path | str, *, most_cells: int = MOST_CELLS) -> Image:
 
     Raises
     ------
-    InputError : the file is missing, a folder, empty, not an image, or too large.
+    InputError : the file is missing, a folder, empty, not an image of a known kind, cut off or
+        damaged, or too large.
     """
     path = Path(path)
-    data = _read_bytes(path)
-    raw = None
+    data, header = _read_file(path, most_cells)
+    fault = find_damage(data, header)
+    if fault is not None:
+        raise InputError(f"{path}: this {header.kind} image is broken: {fault}; get a whole copy")
+    quiet = cv2.utils.logging
+    level = quiet.getLogLevel()
+    quiet.setLogLevel(quiet.LOG_LEVEL_SILENT)
     try:
         raw = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
         raise InputError(f"{path}: cannot be read as an image ({error.err})") from None
+    finally:
+        quiet.setLogLevel(level)
     if raw is None or not raw.size:
-        raise InputError(f"{path}: is not an image; expected png, pgm, jpg or another grid image")
-    height, width = raw.shape[:2]
-    if height * width > most_cells:
-        need = 40 * height * width / 1e9
         raise InputError(
-            f"{path}: {width} x {height} cells would need about {need:.1f} GB of memory; "
-            f"give a smaller image (at most {most_cells} cells) or allow more cells"
+            f"{path}: is not an image that can be read: it starts as {header.kind}, but the rest "
+            "does not follow; get a whole copy"
         )
-    return _to_grey(raw, path)
+    return _to_grey(raw, path, header)
 
 
-def _read_bytes(path: Path) -> bytes:
+def _read_file(path: Path, most_cells: int | None) -> tuple[bytes, ImageHeader]:
+    """Return the bytes of an image file and its header, after a look at its size."""
     if path.is_dir():
         raise InputError(f"{path}: is a folder; give an image file")
     try:
-        data = path.read_bytes()
+        with path.open("rb") as file:
+            data = file.read(_HEAD_BYTES)
+            header = read_image_header(data)
+            if header is not None:
+                _check_size(path, header, most_cells)
+            data += file.read()
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     if not data:
         raise InputError(f"{path}: is empty; expected an image")
-    return data
+    header = header or read_image_header(data)
+    if header is None:
+        raise InputError(f"{path}: is not an image; expected {_KINDS}")
+    _check_size(path, header, most_cells)
+    return data, header
 
 
-def _to_grey(raw: np.ndarray, path: Path) -> Image:
+def _check_size(path: Path, header: ImageHeader, most_cells: int | None) -> None:
+    cells = header.width * header.height
+    if most_cells is not None and cells > most_cells:
+        raise InputError(
+            f"{path}: {header.width} x {header.height} cells would need about "
+            f"{BYTES_A_CELL * cells / 1e9:.1f} GB of memory; give a smaller image (at most "
+            f"{most_cells} cells), or force it (--force)"
+        )
+
+
+def _to_grey(raw: np.ndarray, path: Path, header: ImageHeader) -> Image:
     """Return any decoded image as uint8 grey."""
     if raw.dtype == np.uint16:
-        raw = np.round(raw / 257.0).astype(np.uint8)
+        white = header.most_level if header.kind == "pnm" and header.most_level else 65535
+        raw = np.round(np.minimum(raw, white) * (255.0 / white)).astype(np.uint8)
     elif raw.dtype != np.uint8:
         raise InputError(f"{path}: has {raw.dtype} levels; expected 8 or 16 bits a channel")
     if raw.ndim == 2:

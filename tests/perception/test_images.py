@@ -1,21 +1,30 @@
 """Reading image files as grids, mending noise, drawing."""
 
+import struct
+import time
+import zlib
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from perception.denoise import estimate_noise, remove_noise
 from perception.draw import draw_topology
 from perception.errors import InputError
 from perception.grid import UNKNOWN, classify
+from perception.image_header import read_image_header
 from perception.images import read_grey_image
 from perception.topology import local_topology
 from tests.perception.corpus import PLUS, draw_fine, flip, scale
 
+ENDINGS = ("png", "pgm", "jpg", "bmp", "tiff", "webp")
+RNG = np.random.default_rng(2)
 
-@pytest.mark.parametrize("ending", ["png", "pgm", "jpg", "bmp"])
+
+@pytest.mark.parametrize("ending", ENDINGS)
 def test_grey_files(tmp_path: Path, ending: str) -> None:
     image = scale(draw_fine(PLUS, 10, 300), 90)
     path = tmp_path / f"plus.{ending}"
@@ -49,7 +58,9 @@ def test_colour_sixteen_bits_and_alpha(tmp_path: Path) -> None:
         ("gone.png", None, "no such file"),
         ("empty.png", b"", "is empty"),
         ("text.png", b"this is no image at all", "is not an image"),
-        ("cut.png", b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR", "image"),
+        ("cut.png", b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR", "is not an image"),
+        ("nothing.pgm", b"P5\n0 10\n255\n", "image"),
+        ("huge.pgm", b"P5\n20000 20000\n255\n", "20000 x 20000 cells would need about .* GB"),
         ("folder", "dir", "is a folder"),
     ],
 )
@@ -67,8 +78,93 @@ def test_bad_files_are_told(tmp_path: Path, name: str, content: object, message:
 def test_too_large_an_image_is_refused_with_its_need(tmp_path: Path) -> None:
     path = tmp_path / "large.png"
     cv2.imwrite(str(path), np.zeros((200, 300), np.uint8))
-    with pytest.raises(InputError, match="300 x 200 cells would need"):
+    with pytest.raises(InputError, match=r"300 x 200 cells would need .* GB of memory; .*--force"):
         read_grey_image(path, most_cells=10_000)
+    assert read_grey_image(path, most_cells=None).shape == (200, 300)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_size_is_known_before_decoding(tmp_path: Path, ending: str) -> None:
+    path = tmp_path / f"x.{ending}"
+    cv2.imwrite(str(path), np.full((20, 31), 255, np.uint8))
+    header = read_image_header(path.read_bytes())
+    assert header is not None
+    assert (header.width, header.height) == (31, 20)
+
+
+def test_a_header_that_promises_too_much_is_not_believed(tmp_path: Path) -> None:
+    path = tmp_path / "huge.png"
+    cv2.imwrite(str(path), np.zeros((20, 30), np.uint8))
+    data = bytearray(path.read_bytes())
+    data[16:24] = struct.pack(">II", 20_000, 20_000)
+    data[29:33] = struct.pack(">I", zlib.crc32(bytes(data[12:29])))
+    path.write_bytes(bytes(data))
+    started = time.process_time()
+    with pytest.raises(InputError, match=r"20000 x 20000 cells would need about 10\.0 GB"):
+        read_grey_image(path)
+    assert time.process_time() - started < 0.1
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_cut_off_images_are_told_and_nothing_is_printed(
+    tmp_path: Path, ending: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    whole = tmp_path / f"whole.{ending}"
+    cv2.imwrite(str(whole), flip(scale(draw_fine(PLUS, 10, 300), 90), 0.2, RNG))
+    data, path = whole.read_bytes(), tmp_path / f"cut.{ending}"
+    for share in (0.0, 0.02, 0.2, 0.5, 0.9, 0.99):
+        path.write_bytes(data[: int(share * len(data))])
+        with pytest.raises(InputError, match="cut"):
+            read_grey_image(path)
+    if ending != "tiff":  # its library writes to the terminal by itself
+        assert capfd.readouterr().err == ""
+
+
+def assert_read_or_told(path: Path) -> None:
+    told = None
+    try:
+        found = read_grey_image(path, most_cells=10**6)
+    except InputError as error:
+        told = str(error)
+    if told is None:
+        assert found.dtype == np.uint8
+        assert found.ndim == 2
+    else:
+        assert str(path) in told
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_damaged_images_are_read_or_told(tmp_path: Path, ending: str) -> None:
+    whole = tmp_path / f"whole.{ending}"
+    cv2.imwrite(str(whole), scale(draw_fine(PLUS, 10, 300), 90))
+    data, path = whole.read_bytes(), tmp_path / f"damaged.{ending}"
+    rng = np.random.default_rng(4)
+    for _ in range(60):
+        torn = bytearray(data)
+        for place in rng.integers(0, min(len(torn), 400), rng.integers(1, 4)):
+            torn[place] = rng.integers(256)
+        path.write_bytes(bytes(torn))
+        assert_read_or_told(path)
+
+
+@given(
+    st.binary(max_size=200), st.sampled_from([b"", b"P5\n3 3\n255\n", b"BM", b"II*\x00", b"GIF89a"])
+)
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_any_bytes_are_read_or_told(tmp_path: Path, data: bytes, start: bytes) -> None:
+    path = tmp_path / "any"
+    path.write_bytes(start + data)
+    assert_read_or_told(path)
+
+
+def test_levels_of_a_pgm_are_those_of_its_header(tmp_path: Path) -> None:
+    path = tmp_path / "levels.pgm"
+    path.write_bytes(b"P5\n2 1\n1000\n" + struct.pack(">HH", 1000, 500))
+    assert read_grey_image(path).tolist() == [[255, 128]]
+    path.write_bytes(b"P2\n2 1\n9\n9 3\n")
+    assert read_grey_image(path).tolist() == [[255, 85]]
+    path.write_bytes(b"P1\n2 1\n1 0\n")
+    assert read_grey_image(path).tolist() == [[0, 255]]
 
 
 def test_noise_is_estimated_and_clean_grids_are_left_alone() -> None:
