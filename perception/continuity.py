@@ -11,7 +11,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from perception.errors import InputError
 from perception.gateways import Gateway
@@ -37,12 +37,14 @@ class StarReading:
     gateway_out : per dlp, the index of the gateway it leaves through; None where alpha is 0.
     headings_px : per dlp, its direction in pixel axes, radians, atan2(dy, dx).
     weight : probability of this reading; those of one place sum to 1.
+    types : per dlp, its path type, or "" where it is not told; see :mod:`perception.path_types`.
     """
 
     star: Star
     gateway_out: tuple[int | None, ...]
     headings_px: tuple[float, ...]
     weight: float
+    types: tuple[str, ...] = ()
 
 
 def read_stars(
@@ -220,6 +222,16 @@ def _hits(g: Gateway, h: Gateway) -> bool:
     return sides[0] * sides[1] <= 0 and ahead > 0
 
 
+class _Entry(NamedTuple):
+    """A dlp in the making."""
+
+    position: float
+    heading: float
+    gateway: int | None
+    path: int
+    type: str
+
+
 def _read(
     gateways: Sequence[Gateway], centre_px: tuple[float, float], pairs: Pairs, weight: float
 ) -> StarReading:
@@ -229,7 +241,7 @@ def _read(
         (math.dist(g.centre_px, centre_px) for g in gateways),
         default=1.0,
     )
-    entries: list[tuple[float, float, int | None, int]] = []  # position, heading, gateway, path
+    entries: list[_Entry] = []
     for k, gateway in enumerate(gateways):
         path = min(k, mate.get(k, k))
         position = math.atan2(
@@ -237,11 +249,12 @@ def _read(
         )
         if math.dist(gateway.centre_px, centre_px) < 1e-6:
             position = gateway.outward_rad
-        entries.append((position, gateway.outward_rad, k, path))
+        entries.append(_Entry(position, gateway.outward_rad, k, path, gateway.path_type))
         if k not in mate:
             back = gateway.outward_rad + math.pi
-            entries.append((_leave_circle(gateway, centre_px, reach, back), back, None, path))
-    entries.sort(key=lambda entry: entry[0] % (2 * math.pi))
+            position = _leave_circle(gateway, centre_px, reach, back)
+            entries.append(_Entry(position, back, None, path, gateway.opposite_type))
+    entries.sort(key=lambda entry: entry.position % (2 * math.pi))
     return _name(entries, weight)
 
 
@@ -257,39 +270,42 @@ def _leave_circle(
     return math.atan2(y + way * dy, x + way * dx)
 
 
-def _name(entries: list[tuple[float, float, int | None, int]], weight: float) -> StarReading:
+def _name(entries: list[_Entry], weight: float) -> StarReading:
     """Name the local-paths in clockwise order from a canonical start."""
     size = len(entries)
     if not size:
         return StarReading(Star(()), (), (), weight)
     shape = []
-    for k, (_, _, gateway, path) in enumerate(entries):
-        opposite = next(i for i, e in enumerate(entries) if i != k and e[3] == path)
-        shape.append((-int(gateway is not None), (opposite - k) % size))
+    for k, entry in enumerate(entries):
+        opposite = next(i for i, e in enumerate(entries) if i != k and e.path == entry.path)
+        shape.append((-int(entry.gateway is not None), (opposite - k) % size))
 
     def key(start: int) -> tuple[list[tuple[int, int]], float]:
         turned = shape[start:] + shape[:start]
-        up = (entries[start][1] + math.pi / 2 + 1e-6) % (2 * math.pi)
+        up = (entries[start].heading + math.pi / 2 + 1e-6) % (2 * math.pi)
         return turned, round(up, 3)
 
     start = min(range(size), key=key)
     turned = entries[start:] + entries[:start]
     names: dict[int, str] = {}
     for entry in turned:
-        names.setdefault(entry[3], _letters(len(names)))
+        names.setdefault(entry.path, _letters(len(names)))
     dlps, plus = [], set()
-    both = {path for path in names if sum(e[3] == path and e[2] is not None for e in turned) == 2}
-    for _, _, gateway, path in turned:
-        alpha = int(gateway is not None)
-        first = (path not in plus) if path in both else bool(alpha)
+    both = {
+        path for path in names if sum(e.path == path and e.gateway is not None for e in turned) == 2
+    }
+    for entry in turned:
+        alpha = int(entry.gateway is not None)
+        first = (entry.path not in plus) if entry.path in both else bool(alpha)
         if first:
-            plus.add(path)
-        dlps.append(Dlp(names[path], "+" if first else "-", alpha))
+            plus.add(entry.path)
+        dlps.append(Dlp(names[entry.path], "+" if first else "-", alpha))
     return StarReading(
         Star(tuple(dlps)),
-        tuple(entry[2] for entry in turned),
-        tuple(math.remainder(entry[1], 2 * math.pi) for entry in turned),
+        tuple(entry.gateway for entry in turned),
+        tuple(math.remainder(entry.heading, 2 * math.pi) for entry in turned),
         weight,
+        tuple(entry.type for entry in turned),
     )
 
 
@@ -310,10 +326,8 @@ def _merge(readings: list[StarReading]) -> tuple[StarReading, ...]:
         key = reading.star, reading.gateway_out
         old = found.get(key)
         weight = reading.weight + (old.weight if old else 0.0)
-        found[key] = StarReading(
-            reading.star, reading.gateway_out, (old or reading).headings_px, weight
-        )
+        found[key] = replace(old or reading, weight=weight)
     best = sorted(found.values(), key=lambda reading: -reading.weight)[:_MOST_READINGS]
     best = [r for r in best if r.weight >= _LEAST_WEIGHT * best[0].weight] or best[:1]
     total = sum(reading.weight for reading in best)
-    return tuple(StarReading(r.star, r.gateway_out, r.headings_px, r.weight / total) for r in best)
+    return tuple(replace(r, weight=r.weight / total) for r in best)

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Literal, get_args
 
 import numpy as np
 
+from perception.errors import InputError
 from perception.geometry import Array
 from perception.grid import Mask
 from perception.pruning import find_closest
 from perception.region import Region
 from perception.skeleton import OPEN, Branch, Skeleton
+
+Base = Literal["settled", "closest"]
 
 LEAST_BEND_RAD = math.radians(35.0)
 """A skeleton that turns more than this within a place makes it a place of its own."""
@@ -62,31 +66,39 @@ class Core:
         return np.asarray(near.any(axis=1))
 
 
-def find_core(skeleton: Skeleton, region: Region) -> Core:
+def find_core(skeleton: Skeleton, region: Region, *, base: Base = "settled") -> Core:
     """Find base points and core of a pruned skeleton that has at least one branch.
 
-    The base points are the junctions near the robot and what neighbours them; without a junction
-    it is a sharp bend of the skeleton near the robot, or the end of a dead end; else the point
-    closest to the robot.
+    The base points are the junctions near the robot and what neighbours them. Without a junction,
+    ``"closest"``, as published: the point closest to the robot. ``"settled"``: a sharp bend of the
+    skeleton near the robot, or the end of a dead end, else the point closest to the robot, so that
+    such places do not wander with the robot; and junctions near that bend, or joined to the others
+    by a branch inside their discs, count too.
+
+    Raises
+    ------
+    InputError : there is no such way to choose.
 
     Source
     ------
-    Beeson 2008, Algorithm 6.1; bends and dead ends as base points are ours, so that such places
-    do not wander with the robot.
+    Beeson 2008, Algorithm 6.1; ``"settled"`` is ours.
     """
+    if base not in get_args(Base):
+        raise InputError(f"there are no base points {base!r}; choose 'settled' or 'closest'")
+    settled = base == "settled"
     index, k = find_closest(skeleton, region, region.start)
     branch = skeleton.branches[index]
     closest = _as_pair(branch.points_px[k])
-    base = _near_junctions(skeleton, branch.points_px[k], float(branch.radius_px[k]))
-    if not base:
+    near = _near_junctions(skeleton, branch.points_px[k], linked=settled)
+    if not near and settled:
         k = _find_anchor_point(skeleton, branch, k)
-        here = branch.points_px[k]
-        base = _near_junctions(skeleton, here, float(branch.radius_px[k]), inside_own=True)
-    if base:
-        nodes = [skeleton.nodes[j] for j in base]
+        here, reach = branch.points_px[k], float(branch.radius_px[k])
+        near = _near_junctions(skeleton, here, linked=True, reach_px=reach)
+    if near:
+        nodes = [skeleton.nodes[j] for j in near]
         places = np.array([node.point_px for node in nodes])
         core = Core(closest, places, np.array([node.radius_px for node in nodes]), True, ())
-        return _with_arms(core, skeleton, region, _leave_junctions(skeleton, base))
+        return _with_arms(core, skeleton, region, _leave_junctions(skeleton, near))
     reached = np.hypot(*(branch.points_px[k] - closest)) <= 1.5 * branch.radius_px[k] + 1.0
     core = Core(
         closest,
@@ -100,11 +112,12 @@ def find_core(skeleton: Skeleton, region: Region) -> Core:
 
 
 def _near_junctions(
-    skeleton: Skeleton, point: Array, radius_px: float, *, inside_own: bool = False
+    skeleton: Skeleton, point: Array, *, linked: bool, reach_px: float | None = None
 ) -> list[int]:
-    """Return the junctions whose disc holds a point (or that the point's disc holds).
+    """Return the junctions whose disc holds a point, or those in reach of it, and neighbours.
 
-    Neighbours, of which one holds the other, come along.
+    Neighbours are junctions of which one holds the other; if asked for, also those that a branch
+    joins inside the discs of the others.
     """
     junctions = skeleton.junctions()
     if not junctions:
@@ -113,11 +126,12 @@ def _near_junctions(
     radii = np.array([skeleton.nodes[j].radius_px for j in junctions])
     gap = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
     neighbour = gap <= np.maximum(radii[:, None], radii[None])
-    reach = np.full(len(radii), radius_px) if inside_own else radii
+    reach = radii if reach_px is None else np.full(len(radii), reach_px)
     chosen = np.hypot(*(places - point).T) <= reach
     while True:
         grown = chosen | neighbour[chosen].any(axis=0)
-        grown |= _is_linked(skeleton, junctions, places, radii, grown)
+        if linked:
+            grown |= _is_linked(skeleton, junctions, places, radii, grown)
         if (grown == chosen).all():
             return [junctions[i] for i in np.flatnonzero(chosen)]
         chosen = grown

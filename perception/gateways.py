@@ -1,26 +1,32 @@
 """Gateways: where a place ends and its paths begin.
 
-Two ways of choosing where on an arm the gateway lies, *constriction* and *anchor*; one way of
-finding its line and its outward direction, by a straight fit to the sub-cell skeleton.
+Two published ways of choosing where on an arm the gateway lies: *anchor* (the default, with virtual
+obstacles in open spaces) and *constriction*. Two ways of finding its direction: *fit* (the default,
+ours) and *heading* (as published); see :mod:`perception.gateway_direction`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
 from perception.core import Arm
+from perception.cracks import OPEN
 from perception.errors import InputError
+from perception.gateway_direction import fit_direction, mean_heading
 from perception.geometry import Array
 from perception.grid import Mask
+from perception.path_types import tell_path_type
 from perception.region import Index, Region
-from perception.skeleton import OPEN, Branch
+from perception.skeleton import Branch
+from perception.virtual_walls import Sides, VirtualWalls, is_open, see_virtual_walls, see_walls
 
 Method = Literal["anchor", "constriction"]
+Direction = Literal["fit", "heading"]
 Point = tuple[float, float]
 
 
@@ -39,7 +45,9 @@ class Gateway:
     confidence : 0..1, how sure it is that a path leaves here.
     kind : ``"midline"`` between two walls, ``"leftwall"`` or ``"rightwall"`` along one (the wall
         lies on that side looking outward).
-    anchor_px : the wall point that fixed it, if one did.
+    anchor_px : the wall point that fixed it, if one did; it may be virtual.
+    path_type : of the directed local-path that leaves here; see :mod:`perception.path_types`.
+    opposite_type : of its opposite, where that cannot be travelled: ``"DEADEND"`` or ``"NONE"``.
     """
 
     centre_px: Point
@@ -51,6 +59,8 @@ class Gateway:
     confidence: float = 1.0
     kind: str = "midline"
     anchor_px: Point | None = None
+    path_type: str = ""
+    opposite_type: str = ""
 
 
 def find_gateway(
@@ -58,6 +68,8 @@ def find_gateway(
     region: Region,
     *,
     method: Method = "anchor",
+    direction: Direction = "fit",
+    virtual: VirtualWalls | None = None,
     min_frontier_px: float = 0.0,
     min_depth_px: float = 0.0,
 ) -> Gateway:
@@ -66,32 +78,52 @@ def find_gateway(
     Parameters
     ----------
     arm : a branch out of the core; see :func:`perception.core.find_core`.
-    method : ``"anchor"`` (the wall point that defines most of the skeleton near the edge of the
-        core) or ``"constriction"`` (the narrowest point there).
+    method : ``"anchor"``: beside the wall point that defines most of the skeleton near the edge of
+        the core; or ``"constriction"``: at the narrowest point there.
+    direction : ``"fit"`` or ``"heading"``; see :mod:`perception.gateway_direction`.
+    virtual : obstacles to be anchored to where there is no wall, if any.
     min_frontier_px, min_depth_px : the limits the confidence is measured against.
 
     Raises
     ------
-    InputError : there is no such method.
+    InputError : there is no such method or direction.
 
     Source
     ------
-    Beeson 2008, Algorithms 6.2 to 6.5; the fitted direction is ours.
+    Beeson 2008, Algorithms 6.2 to 6.5. Ours: neighbouring wall cells count as one anchor, since
+    the corner of a wall is several cells of a grid; a wall point that defines less than 15 % of
+    the search area anchors nothing (the gateway is then at the edge of the core); *fit*.
     """
+    for value, known, what in (
+        (method, Method, "gateway method"),
+        (direction, Direction, "way to find a direction"),
+    ):
+        if value not in get_args(known):
+            choice = " or ".join(repr(name) for name in get_args(known))
+            raise InputError(f"there is no {what} {value!r}; choose {choice}")
     branch, edge = arm.branch, arm.edge
     area = _search_area(branch, edge)
-    anchor: int | None = None
+    sides, anchor = see_walls(branch, region), None
     if method == "anchor":
-        anchor, place = _place_by_anchor(branch, region, edge, area)
-    elif method == "constriction":
-        place = _place_by_constriction(branch, edge, area)
+        if virtual is not None and is_open(branch, area):
+            sides = see_virtual_walls(branch, region, virtual, area)
+        anchor, place = _place_by_anchor(sides, branch.points_px, edge, area)
     else:
-        raise InputError(
-            f"there is no gateway method {method!r}; choose 'anchor' or 'constriction'"
-        )
+        place = _place_by_constriction(branch, edge, area)
     place = _settle(branch, region, place, area)
-    direction = _fit_direction(branch, region, place)
-    return _as_gateway(arm, region, place, direction, anchor, min_frontier_px, min_depth_px)
+    point = None
+    if anchor is not None:
+        point = float(sides.cells[anchor, 0]), float(sides.cells[anchor, 1])
+    if direction == "fit":
+        heading = fit_direction(branch, region, place).heading_rad
+    else:
+        heading = _turn_to_anchor(branch, place, point, mean_heading(branch, place))
+    return _as_gateway(arm, place, heading, point, min_frontier_px, min_depth_px)
+
+
+def needs_virtual_walls(arms: Sequence[Arm]) -> bool:
+    """Tell whether an arm lies beside open space where its gateway is searched for."""
+    return any(is_open(arm.branch, _search_area(arm.branch, arm.edge)) for arm in arms)
 
 
 def _search_area(branch: Branch, edge: int) -> tuple[int, int]:
@@ -112,27 +144,26 @@ def _place_by_constriction(branch: Branch, edge: int, area: tuple[int, int]) -> 
 
 
 def _place_by_anchor(
-    branch: Branch, region: Region, edge: int, area: tuple[int, int]
+    sides: Sides, points: Array, edge: int, area: tuple[int, int]
 ) -> tuple[int | None, int]:
-    """Return the anchor (index of a wall cell) and the point its reach ends at or begins with."""
+    """Return the anchor (index of an obstacle) and the point its reach ends at or begins with."""
     first, last = area
-    best: tuple[int, int] | None = None
-    for side in (branch.left, branch.right):
-        walls = side[first:last]
-        walls = walls[walls != OPEN]
-        if not len(walls):
+    best: tuple[int, int] | None = None  # points held, anchor
+    for side in (sides.left, sides.right):
+        seen = side[first:last]
+        seen = seen[seen != OPEN]
+        if not len(seen):
             continue
-        value, count = np.unique(walls, return_counts=True)
-        near = np.abs(value[:, None] - value[None]) <= 1
-        near &= region.arc[value][:, None] == region.arc[value][None]
-        total = near @ count
-        top = int(total.argmax())
-        if best is None or total[top] > best[0]:
-            best = int(total[top]), int(value[top])
+        count, least = _count_held(seen, sides.arc)
+        most = int(count.max())
+        if best is None or most > best[0]:
+            ties = np.flatnonzero(count == most) + least
+            gap = np.hypot(*(sides.cells[ties] - points[edge]).T)
+            best = most, int(ties[np.argmin(gap)])
     if best is None or best[0] < max(4, 0.15 * (last - first)):
         return None, edge
     anchor = best[1]
-    held = _held_by(branch, region, anchor)[first:last]
+    held = _held_by(sides, anchor)[first:last]
     wanted = np.flatnonzero(~held if held[edge - first] else held) + first
     inner, outer = wanted[wanted < edge], wanted[wanted > edge]
     if len(inner):
@@ -140,12 +171,39 @@ def _place_by_anchor(
     return anchor, int(outer[0]) if len(outer) else edge
 
 
-def _held_by(branch: Branch, region: Region, anchor: int) -> Mask:
-    """Tell for each point whether the anchor is its nearest wall on the left or on the right."""
-    sides = np.stack([branch.left, branch.right])
-    held = (np.abs(sides - anchor) <= 1) & (sides != OPEN)
-    held &= region.arc[sides] == region.arc[anchor]
-    return np.asarray(held.any(axis=0))
+def _count_held(seen: Index, arc: Index) -> tuple[Index, int]:
+    """Count how many points see each obstacle or one of its neighbours, from the least one on."""
+    least = int(seen.min())
+    own = np.bincount(seen - least)
+    count = own.copy()
+    if len(own) > 1:
+        span = arc[least : least + len(own)]
+        same = span[1:] == span[:-1]
+        count[1:] += own[:-1] * same
+        count[:-1] += own[1:] * same
+    count[own == 0] = 0
+    return count, least
+
+
+def _held_by(sides: Sides, anchor: int) -> Mask:
+    """Tell for each point whether the anchor is the nearest obstacle on the left or right."""
+    held = np.zeros(len(sides.left), bool)
+    for side in (sides.left, sides.right):
+        held |= (
+            (np.abs(side - anchor) <= 1) & (side != OPEN) & (sides.arc[side] == sides.arc[anchor])
+        )
+    return held
+
+
+def _turn_to_anchor(branch: Branch, place: int, anchor: Point | None, heading_rad: float) -> float:
+    """Return the direction across the line from an anchor, beside open space only."""
+    if anchor is None or OPEN not in (branch.left[place], branch.right[place]):
+        return heading_rad
+    x, y = branch.points_px[place].tolist()
+    across = math.atan2(anchor[1] - y, anchor[0] - x) + math.pi / 2
+    if math.cos(across - heading_rad) < 0:
+        across += math.pi
+    return math.remainder(across, 2 * math.pi)
 
 
 def _settle(branch: Branch, region: Region, place: int, area: tuple[int, int]) -> int:
@@ -171,133 +229,11 @@ def _settle(branch: Branch, region: Region, place: int, area: tuple[int, int]) -
     return place
 
 
-@dataclass(frozen=True)
-class _Line:
-    heading_rad: float
-    residual_px: float
-    length_px: float
-
-    @property
-    def is_straight(self) -> bool:
-        return self.residual_px <= 0.45 + 0.035 * self.length_px
-
-
-def _fit_line(points: Array) -> _Line | None:
-    """Fit a line to points in order; None for fewer than three."""
-    if len(points) < 3:
-        return None
-    step = points[-1] - points[0]
-    heading, residual = _find_axis(points - points.sum(axis=0) / len(points), step)
-    length = abs(float(step[0]) * math.cos(heading) + float(step[1]) * math.sin(heading))
-    return _Line(heading, residual, length)
-
-
-def _find_axis(centred: Array, step: Array) -> tuple[float, float]:
-    """Return the main axis of centred points, turned to go with a step, and their rms off it."""
-    (xx, xy), (_, yy) = (centred.T @ centred).tolist()
-    heading = 0.5 * math.atan2(2 * xy, xx - yy)
-    least = 0.5 * (xx + yy) - math.hypot(0.5 * (xx - yy), xy)
-    if float(step[0]) * math.cos(heading) + float(step[1]) * math.sin(heading) < 0:
-        heading = math.remainder(heading + math.pi, 2 * math.pi)
-    return heading, math.sqrt(max(least, 0.0) / len(centred))
-
-
-def _fit_direction(branch: Branch, region: Region, place: int) -> _Line:
-    """Fit the direction of the path at a point of its skeleton.
-
-    The walls beside the path outward are asked first; then the skeleton outward, as long as it is
-    straight and does not look at the end of a wall; then the skeleton on both sides, and inward.
-    """
-    points, radius = branch.points_px, float(branch.radius_px[place])
-    gap = np.hypot(*(points - points[place]).T)
-    firm = _is_firm(branch, region)
-    first = place - int(np.argmax((gap[place::-1] > radius) | (place == 0)))
-    first = first if first < place else 0
-    first = max(first, min(1, place))
-    far = np.flatnonzero(gap[place:] > 2.0 * radius)
-    last = place + (int(far[0]) if len(far) else len(points) - place)
-    vague = np.flatnonzero(~firm[place:last])
-    sure = place + int(vague[0]) if len(vague) else last
-    short = max(2.0 * radius - float(gap[last - 1]), 0.0) if len(vague) else 0.0
-    around = (first, max(last, place + 1))
-    fits: tuple[Callable[[], _Line | None], ...] = (
-        lambda: _fit_walls(branch, region, (place, last), radius, short),
-        lambda: _fit_line(points[place:sure]),
-        lambda: _fit_walls(branch, region, around, radius, short),
-        lambda: _fit_line(points[first : max(sure, place + 1)]),
-        lambda: _fit_line(points[first : place + 1]),
-    )
-    found: list[_Line] = []
-    for fit in fits:
-        line = fit()
-        if line is None:
-            continue
-        if line.is_straight and line.length_px >= 0.8 * radius:
-            return line
-        found.append(line)
-    if found:
-        return min(found, key=lambda line: (line.residual_px + 0.5) / max(line.length_px, 1.0))
-    step = points[-1] - points[0]
-    return _Line(math.atan2(step[1], step[0]), 1.0, 1.0)
-
-
-def _fit_walls(
-    branch: Branch, region: Region, window: tuple[int, int], radius_px: float, extend_px: float
-) -> _Line | None:
-    """Fit one direction to the walls on the left and on the right of a stretch of branch.
-
-    A wall that the stretch looks at in one point only, a corner, says nothing about it. Where the
-    branch ends early, the walls are followed further, by ``extend_px``.
-    """
-    first, last = window
-    if last - first < 2:
-        return None
-    step = branch.points_px[last - 1] - branch.points_px[first]
-    centred = []
-    for side in (branch.left[first:last], branch.right[first:last]):
-        seen = _see_wall(side, region, round(extend_px))
-        if len(seen) < 3:
-            continue
-        wall = region.walls[seen].astype(float)
-        centred.append(wall - wall.mean(axis=0))
-    if not centred:
-        return None
-    heading, residual = _find_axis(np.concatenate(centred), step)
-    axis = np.array([math.cos(heading), math.sin(heading)])
-    reach = max(float(np.ptp(wall @ axis)) for wall in centred)
-    if reach < 0.8 * radius_px:
-        return None
-    return _Line(heading, residual, reach)
-
-
-def _see_wall(side: Index, region: Region, extend: int) -> Index:
-    """Return the wall cells seen on one side, and ``extend`` more in the direction of travel."""
-    side = side[side != OPEN]
-    seen = np.unique(side)
-    if len(seen) < 2 or extend < 1:
-        return seen
-    ahead = int(side[-1])
-    sign = 1 if ahead > int(np.median(side)) else -1
-    more = ahead + sign * np.arange(1, extend + 1)
-    more = more[(more >= 0) & (more < len(region.arc))]
-    more = more[region.arc[more] == region.arc[ahead]]
-    return np.union1d(seen, more)
-
-
-def _is_firm(branch: Branch, region: Region) -> Mask:
-    """Tell for each point whether its walls are seen there, not only their ends."""
-    firm = np.ones(len(branch.points_px), bool)
-    for side in (branch.left, branch.right):
-        firm &= (side == OPEN) | (region.tip_distance[side] > 1)
-    return firm
-
-
 def _as_gateway(
     arm: Arm,
-    region: Region,
     place: int,
-    line: _Line,
-    anchor: int | None,
+    heading_rad: float,
+    anchor: Point | None,
     min_frontier_px: float,
     min_depth_px: float,
 ) -> Gateway:
@@ -305,23 +241,23 @@ def _as_gateway(
     branch = arm.branch
     x, y = (float(v) for v in branch.points_px[place])
     radius = float(branch.radius_px[place])
-    dx, dy = math.cos(line.heading_rad), math.sin(line.heading_rad)
+    dx, dy = math.cos(heading_rad), math.sin(heading_rad)
     ends = ((x + dy * radius, y - dx * radius), (x - dy * radius, y + dx * radius))
     depth = arm.depth_px - float(branch.steps_px[place]) if arm.depth_px else 0.0
     kind = "midline"
     if branch.left[place] == OPEN or branch.right[place] == OPEN:
         kind = "rightwall" if branch.left[place] == OPEN else "leftwall"
-    point = None if anchor is None else region.walls[anchor]
     return Gateway(
         (x, y),
         ends,
-        line.heading_rad,
+        heading_rad,
         2 * radius,
         arm.frontier_px,
         max(depth, 0.0),
         _confide(arm, max(depth, 0.0), min_frontier_px, min_depth_px),
         kind,
-        None if point is None else (float(point[0]), float(point[1])),
+        anchor,
+        tell_path_type(branch, place),
     )
 
 

@@ -10,17 +10,25 @@ from typing import Any
 import numpy as np
 
 from perception.continuity import Continuity, StarReading, read_stars
-from perception.core import Core, find_core
+from perception.core import Base, Core, find_core
 from perception.denoise import mend_walls, remove_noise
 from perception.errors import InputError
-from perception.gateways import Gateway, Method, find_gateway
+from perception.gateways import (
+    Direction,
+    Gateway,
+    Method,
+    find_gateway,
+    needs_virtual_walls,
+)
 from perception.geometry import Array
 from perception.grid import Image, Mask, classify
+from perception.path_types import tell_end_types
 from perception.pruning import find_side_gaps, prune
 from perception.region import Region, close_exits, find_region
 from perception.shapes import name_shape
 from perception.skeleton import OPEN, Skeleton, build_skeleton
 from perception.star import Star
+from perception.virtual_walls import outline_reach
 
 Point = tuple[float, float]
 
@@ -72,6 +80,8 @@ def local_topology(
     resolution_m: float | None = None,
     robot_radius_m: float | None = None,
     method: Method = "anchor",
+    direction: Direction = "fit",
+    base: Base = "settled",
     continuity: Continuity = "angle",
     min_frontier_m: float | None = None,
     min_depth_m: float | None = None,
@@ -88,8 +98,12 @@ def local_topology(
     resolution_m : side of a cell in metres; None for a plain image, whose robot is a point and
         which has no limits on exits.
     robot_radius_m : half the robot's width with some safety; 0.25 by default.
-    method : gateways by ``"anchor"`` or by ``"constriction"``.
-    continuity : paths by ``"angle"`` or by the published ``"ray"`` test.
+    method : gateways by ``"anchor"`` or by ``"constriction"``, both as published.
+    direction : of gateways, by a ``"fit"`` to walls and sub-cell skeleton (ours), or by the
+        published mean ``"heading"``.
+    base : base points of a place without a junction: ``"settled"`` in its bend or dead end (ours),
+        or as published the point of the skeleton ``"closest"`` to the robot.
+    continuity : paths by mutual ``"angle"`` and offset (ours), or by the published ``"ray"`` test.
     min_frontier_m : narrower frontiers are no exits; 0.9 by default (corridor level).
     min_depth_m : exits must lie so far beyond their junction's disc; 1.0 by default.
     midline_px : M, beyond which the skeleton follows walls; a fifth of the smaller side by default.
@@ -135,23 +149,35 @@ def local_topology(
     region, skeleton = _find_skeleton(region, midline, scale["depth"])
     if not _leads_anywhere(skeleton):
         return _enclosed(region, started)
-    core = find_core(skeleton, region)
-    gateways = _find_gateways(core, region, method, scale)
+    core = find_core(skeleton, region, base=base)
+    gateways = _find_gateways(core, region, skeleton, (method, direction), scale)
+    ends = tell_end_types(gateways, core.base_px, region, midline)
+    gateways = tuple(replace(g, opposite_type=end) for g, end in zip(gateways, ends, strict=True))
     middle = core.base_px.mean(axis=0)
     readings = read_stars(gateways, (float(middle[0]), float(middle[1])), continuity=continuity)
     return _assemble(region, skeleton, core, gateways, readings, started)
 
 
 def _find_gateways(
-    core: Core, region: Region, method: Method, scale: dict[str, float]
+    core: Core,
+    region: Region,
+    skeleton: Skeleton,
+    how: tuple[Method, Direction],
+    scale: dict[str, float],
 ) -> tuple[Gateway, ...]:
     """Return the gateways on the arms of a core, clockwise about it."""
     x, y = core.base_px.mean(axis=0)
+    method, direction = how
+    virtual = None
+    if method == "anchor" and needs_virtual_walls(core.arms):
+        virtual = outline_reach(skeleton.branches, region)
     gateways = [
         find_gateway(
             arm,
             region,
             method=method,
+            direction=direction,
+            virtual=virtual,
             min_frontier_px=scale["frontier"],
             min_depth_px=scale["depth"],
         )
@@ -277,6 +303,7 @@ def topology_to_data(topology: LocalTopology, file: str) -> dict[str, Any]:
     return {
         "file": file,
         "star": [str(dlp) for dlp in topology.star.dlps],
+        "types": list(topology.readings[0].types),
         "shape": name_shape(topology.star),
         "gateways": [
             {
@@ -288,6 +315,7 @@ def topology_to_data(topology: LocalTopology, file: str) -> dict[str, Any]:
                 "depth": round(g.depth_px, 2),
                 "confidence": round(g.confidence, 3),
                 "kind": g.kind,
+                "anchor": None if g.anchor_px is None else _rounded(g.anchor_px),
             }
             for g in topology.gateways
         ],
@@ -296,6 +324,7 @@ def topology_to_data(topology: LocalTopology, file: str) -> dict[str, Any]:
         "readings": [
             {
                 "star": [str(dlp) for dlp in reading.star.dlps],
+                "types": list(reading.types),
                 "gateway_out": list(reading.gateway_out),
                 "weight": round(reading.weight, 4),
             }

@@ -20,7 +20,21 @@ EXAMPLES = """\
   hssh star crossing.pgm --resolution 0.05 --robot 150,140 --robot-radius 0.3
   hssh star crossing.png -o gateways.png            draw them
   hssh star maps/*.png --json                       many images in one call
+  hssh star crossing.png --method constriction --direction heading --continuity ray
 """
+
+
+_CHOICES: tuple[tuple[str, tuple[str, str], str], ...] = (
+    ("--method", ("anchor", "constriction"), "where gateways lie; both as published"),
+    ("--direction", ("fit", "heading"), "of gateways: fitted, or mean heading as published"),
+    (
+        "--base",
+        ("settled", "closest"),
+        "base point of a place without a junction: in its bend or dead end, or closest to the "
+        "robot as published",
+    ),
+    ("--continuity", ("angle", "ray"), "of paths: by angle and offset, or by ray as published"),
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,6 +48,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--robot-radius", metavar="M", type=parse_metres, help="needs --resolution (default 0.25)"
+    )
+    for option, choices, told in _CHOICES:
+        parser.add_argument(option, choices=choices, default=choices[0], help=told)
+    parser.add_argument(
+        "--force", action="store_true", help="read images of more than 100 million cells too"
     )
     parser.add_argument(
         "-o",
@@ -77,15 +96,19 @@ def _name_targets(images: list[str], output: str | None) -> list[Path | None]:
 
 
 def _read_star(args: argparse.Namespace, file: str, target: Path | None) -> dict[str, Any]:
-    from perception.images import read_grey_image
+    from perception.images import MOST_CELLS, read_grey_image
     from perception.topology import local_topology, topology_to_data
 
-    image = read_grey_image(file)
+    image = read_grey_image(file, most_cells=None if args.force else MOST_CELLS)
     topology = local_topology(
         image,
         robot_px=args.robot,
         resolution_m=args.resolution,
         robot_radius_m=args.robot_radius,
+        method=args.method,
+        direction=args.direction,
+        base=args.base,
+        continuity=args.continuity,
     )
     if target is not None:
         import cv2
@@ -101,11 +124,20 @@ def _read_star(args: argparse.Namespace, file: str, target: Path | None) -> dict
 def _format_star(document: dict[str, Any]) -> str:
     gateways = document["gateways"]
     place = "at a place" if document["at_place"] else "not at a place"
+    shape = f", {document['shape']}" if document["shape"] else ""
+    dlps = [
+        f"{dlp} {told}" if told else dlp
+        for dlp, told in zip(document["star"], document["types"], strict=True)
+    ]
     lines = [
-        f"{document['file']}: {count_noun(len(gateways), 'gateway')}, {place}",
-        f"  star, clockwise: {' '.join(document['star']) or '(empty)'}",
+        f"{document['file']}: {count_noun(len(gateways), 'gateway')}, {place}{shape}",
+        f"  star, clockwise: {', '.join(dlps) or '(empty: no way leads out)'}",
     ]
     for gateway in gateways:
         x, y = gateway["centre"]
         lines.append(f"  gateway at ({x:.1f}, {y:.1f}) px, outward {gateway['outward']:+.2f} rad")
+    lines += [
+        f"  or, with weight {reading['weight']:.2f}: {' '.join(reading['star'])}"
+        for reading in document["readings"][1:]
+    ]
     return "\n".join(lines)
