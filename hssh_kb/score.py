@@ -17,12 +17,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hssh_kb.errors import InputError
-from hssh_kb.experience import Experience
+from hssh_kb.experience import Displacement, Experience
 from hssh_kb.place_filter import Array, Innovation, Prediction
 
 TERMS = ("layout", "heading", "exclusion", "readings", "places", "doubts")
 _LOG_2PI = math.log(2 * math.pi)
-_ROOT_HALF = math.sqrt(0.5)
 
 
 class Addends(NamedTuple):
@@ -43,7 +42,8 @@ class Score:
     Attributes
     ----------
     area_m2 : area per place, m2: a new place has the density 1 / area_m2.
-    spacing_m : two distinct places lie at least this far apart, m.
+    spacing_m : distinct places seldom lie closer than this, m: two at distance d have room
+        side by side with probability 1 - exp(-d2 / 2 spacing_m2).
     length_m : typical length of a travel, m.
     spread_m : standard deviation between the origins of two visits to one place, m, per axis.
     dlp_heading_rad : standard deviation of the heading of one dlp as seen at a visit, rad.
@@ -87,14 +87,22 @@ class Score:
         layout = -math.log(self.area_m2)
         if prediction.unknown:
             return layout, 0.0
-        gap, spread = prediction.gap, prediction.spread
-        reach = self.spacing_m + 4 * np.sqrt(spread[:, 0, 0] + spread[:, 1, 1])
-        near = np.flatnonzero(gap[:, 0] ** 2 + gap[:, 1] ** 2 < reach**2)
-        exclusion = 0.0
-        for i in near.tolist():
-            innovation = prediction.measure(i, 0.0)
-            exclusion += self._weigh_exclusion(innovation.residual, innovation.cov)
-        return layout, max(exclusion, self.floor)
+        chance = np.minimum(self._guess_overlap(prediction), -np.expm1(self.floor))
+        return layout, max(float(np.log1p(-chance).sum()), self.floor)
+
+    def _guess_overlap(self, prediction: Prediction) -> Array:
+        """Return the chance (n,) that each place leaves no room for a new one at the visit.
+
+        Distinct places at distance d both have room with probability 1 - exp(-d2 / 2 spacing2);
+        this is the mean over where the visit and the place may be.
+        """
+        gap, spread, near = prediction.gap, prediction.spread, self.spacing_m**2
+        extra = 2 * self.spread_m**2 + near + 1e-12
+        a, b, d = spread[:, 0, 0] + extra, spread[:, 0, 1], spread[:, 1, 1] + extra
+        det = a * d - b * b
+        x, y = gap[:, 0], gap[:, 1]
+        chi2 = (d * x * x - 2 * b * x * y + a * y * y) / det
+        return np.asarray(near / np.sqrt(det) * np.exp(-0.5 * chi2))
 
     def expect_closures(self, prediction: Prediction) -> Array:
         """Return the layout addend (n,) of a closure at each place, outliers aside."""
@@ -109,22 +117,6 @@ class Score:
         if self.outlier:
             chi2 = np.minimum(chi2, chi2 / 9 + 8.0)
         return np.asarray(-0.5 * chi2 - 0.5 * np.log(det) - _LOG_2PI)
-
-    def _weigh_exclusion(self, gap: Sequence[float], cov: list[list[float]]) -> float:
-        """Return log P(not within spacing_m), the disc taken as a square of equal area."""
-        extra = 2 * self.spread_m**2 + 1e-12
-        a, b, d = cov[0][0] + extra, cov[0][1], cov[1][1] + extra
-        turn = 0.5 * math.atan2(2 * b, a - d)
-        c, s = math.cos(turn), math.sin(turn)
-        half = self.spacing_m * math.sqrt(math.pi) / 2
-        chance = 1.0
-        for along, var in (
-            (c * gap[0] + s * gap[1], c * c * a + 2 * c * s * b + s * s * d),
-            (-s * gap[0] + c * gap[1], s * s * a - 2 * c * s * b + c * c * d),
-        ):
-            scale = _ROOT_HALF / math.sqrt(max(var, 1e-12))
-            chance *= 0.5 * (math.erf((along + half) * scale) - math.erf((along - half) * scale))
-        return math.log(max(1 - chance, math.exp(self.floor)))
 
     def weigh_closure(
         self, prediction: Prediction, innovation: Innovation, turn_var: float
@@ -241,10 +233,11 @@ def estimate_score(experience: Experience, **overrides: Any) -> Score:  # noqa: 
     """Return the score whose scales fit an experience.
 
     The area per place is the square of the median travel, the spacing half of a short travel
-    (5th percentile). Where the experience admits slips (a robot's log), origins of visits
-    spread by 0.3 m (at most a tenth of the median travel), one closure in twenty is an outlier,
-    and each place has a log prior of -1.5 (a star read wrongly makes a revisited place look
-    new far more often than a new one look old). Without headings the frames are taken to be
+    (5th percentile), both freed from the noise of the displacements. Each place has a log prior
+    of -1.5: with it the probabilities of the maps of simulated walks are about the frequencies
+    with which they are right. Where the experience admits slips (a robot's log), origins of
+    visits spread by 0.3 m (at most a tenth of the median travel), and one closure in twenty is
+    an outlier. Without headings the frames are taken to be
     shared if no travel turns by more than 0.5 rad (frames that all point one way), else free.
 
     Parameters
@@ -257,14 +250,28 @@ def estimate_score(experience: Experience, **overrides: Any) -> Score:  # noqa: 
     Ours.
     """
     moves = [v.displacement for v in experience.visits if v.displacement is not None]
-    lengths = sorted(m for m in (math.hypot(d.x, d.y) for d in moves) if m > 0)
-    values: dict[str, Any] = {"slip": experience.slip}
-    if lengths:
-        median = lengths[len(lengths) // 2]
-        short = lengths[len(lengths) // 20]
-        values |= {"length_m": median, "area_m2": median**2, "spacing_m": 0.5 * short}
+    values: dict[str, Any] = {"slip": experience.slip, "place_prior": -1.5}
+    typical, short = _measure_travels(moves)
+    if typical > 0:
+        values |= {"length_m": typical, "area_m2": typical**2, "spacing_m": 0.5 * short}
         if experience.slip > 0:
-            values |= {"spread_m": min(0.3, 0.1 * median), "outlier": 0.05, "place_prior": -1.5}
+            values |= {"spread_m": min(0.3, 0.1 * typical), "outlier": 0.05}
     turned = [abs((d.theta + math.pi) % (2 * math.pi) - math.pi) for d in moves]
     values["frames"] = "shared" if max(turned, default=0.0) <= 0.5 else "free"
     return Score(**(values | overrides))
+
+
+def _measure_travels(moves: Sequence[Displacement]) -> tuple[float, float]:
+    """Return the lengths [m] of a typical and of a short travel, the noise taken out; 0 if none.
+
+    Noise spreads the lengths and makes them longer: across the travel as a whole, along it
+    about their median.
+    """
+    lengths = np.array([length for d in moves if (length := math.hypot(d.x, d.y)) > 0])
+    if not len(lengths):
+        return 0.0, 0.0
+    noise = float(np.median([(d.cov[0][0] + d.cov[1][1]) / 2 for d in moves]))
+    median, low = float(np.median(lengths)), float(np.quantile(lengths, 0.05))
+    typical = math.sqrt(max(median**2 - noise, median**2 / 4))
+    kept = math.sqrt(max(1 - noise / max(float(lengths.var()), 1e-12), 0.0))
+    return typical, typical - (median - low) * kept

@@ -155,7 +155,7 @@ class TreeOfMaps:
                 self._queues.queue_chain(child)
                 best = max(best, child.score - node.score)
         if node.stage == 1:
-            new = -math.log(self.score.area_m2)
+            new = self.score.place_prior - math.log(self.score.area_m2)
             if best > -math.inf:
                 # A new place that nothing speaks against is the least a rival may hope for.
                 self._queues.raise_hope(depth + 1, max(best, new), self._reached[depth + 1])
@@ -171,7 +171,7 @@ class TreeOfMaps:
             self._reached[depth + 1] = True
             if depth + 1 > self._deepest:
                 self._deepest, self._stale = depth + 1, 0
-                new = -math.log(self.score.area_m2)
+                new = self.score.place_prior - math.log(self.score.area_m2)
                 self._surprise += max(new - best - _SURPRISE_NATS / 8, 0.0)
 
     def _has_rest(self, node: Node) -> bool:

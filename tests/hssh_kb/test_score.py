@@ -52,7 +52,7 @@ def test_exclusion_is_the_chance_of_lying_apart():
     for x, sigma in ((0.0, 0.4), (0.6, 0.3), (1.5, 0.5), (3.0, 0.1)):
         prediction = PlaceFilter.start().predict(_move(x, 0.0, sigma=sigma), 1.0)
         points = rng.normal((x, 0.0), sigma, (200_000, 2))
-        apart = float((np.hypot(*points.T) > 0.5).mean())
+        apart = float(-np.expm1(-0.5 * (points**2).sum(axis=1) / 0.5**2).mean())
         assert math.exp(score.weigh_new(prediction)[1]) == pytest.approx(apart, abs=0.01)
 
 

@@ -236,10 +236,13 @@ def test_symbols_alone_are_searched_too():
 
 
 def test_some_displacements_may_lack():
-    truth = _walk(17, (4, 4), 40, Eyes())
-    visits = list(truth.experience.visits)
-    visits[20] = Visit(visits[20].readings)
-    assert search_maps(Experience(tuple(visits))).maps[0].visits == truth.partition
+    right = 0
+    for seed in range(17, 21):
+        truth = _walk(seed, (4, 4), 40, Eyes())
+        visits = list(truth.experience.visits)
+        visits[20] = Visit(visits[20].readings)
+        right += search_maps(Experience(tuple(visits))).maps[0].visits == truth.partition
+    assert right >= 3
 
 
 def test_one_visit_is_a_map():
