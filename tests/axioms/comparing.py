@@ -66,19 +66,28 @@ def best_from_files(experience: Experience, **switches: bool) -> list[Hypothesis
     return list(solve_best(program, convert).found)
 
 
-def find_differences(experience: Experience, columns: Sequence[int] = (0, 1, 2)) -> Iterator[str]:
+def find_differences(
+    experience: Experience,
+    columns: Sequence[int] = (0, 1, 2),
+    counts: list[int] | None = None,
+) -> Iterator[str]:
     """Say where an engine differs from the twin; nothing if all agree.
 
-    Minimal maps are compared where axiom 8 holds: the paths of a map without it may be circular.
+    The number of maps in each column is added to ``counts``. Minimal maps are compared where axiom
+    8 holds: the paths of a map without it may be circular.
     """
     for column in columns:
-        yield from _compare_maps(experience, COLUMNS[column])
+        yield from _compare_maps(experience, COLUMNS[column], counts)
         if COLUMNS[column].get("order", True):
             yield from _compare_best(experience, COLUMNS[column])
 
 
-def _compare_maps(experience: Experience, switches: dict[str, bool]) -> Iterator[str]:
+def _compare_maps(
+    experience: Experience, switches: dict[str, bool], counts: list[int] | None
+) -> Iterator[str]:
     twin = {tuple(m) for m in brute_force.all_maps(brute_force.plain(experience), **switches)}
+    if counts is not None:
+        counts.append(len(twin))
     found = {
         "tree": enumerate_maps(experience, **switches).maps,
         "program": enumerate_maps(experience, engine="program", **switches).maps,
