@@ -114,7 +114,7 @@ class MapTree(VisitWeigher):
         place, offset, i, doubted = decision
         star = self.visits[v].readings[i].star
         new = place == len(state.firsts)
-        self.work += 2 + len(state.firsts) ** 2 // 1000
+        self.work += 2 + len(state.filter.places) ** 2 // 1000
         judge, firsts, read = state.judge, state.firsts, state.place_readings
         bearings = state.bearings
         if new:
@@ -151,12 +151,14 @@ class MapTree(VisitWeigher):
         depart = self.leave(state, v)
         forced = None if depart is None else state.judge.follow(state.place, depart)
         gate = -math.log(self.score.area_m2) - GATE_NATS
-        near = (self.score.expect_closures(prediction) > gate).tolist()
-        fixed = forced[0] if forced else -1
+        held = prediction.filter.places
+        near = {*held[self.score.expect_closures(prediction) > gate].tolist()}
+        if forced:
+            near.add(forced[0])
         if not far:
             yield from self.weigh_new_places(state, prediction, v, depart, forced is not None, lean)
-        for place in range(len(state.firsts)):
-            if (near[place] or place == fixed) != far:
+        for place in range(len(state.firsts)) if far else sorted(near):
+            if (place in near) != far:
                 yield from self.weigh_closures(state, prediction, v, depart, place, lean)
 
     def weigh(self, node: Node, decision: Decision) -> Option | None:

@@ -1,44 +1,98 @@
 """Where the places are, as far as one map says: a joint Gaussian that grows visit by visit.
 
-The state holds the pose of the latest visit and the poses of all places (frame of the first
-visit to each) in the frame of place 0. A travel moves the visit by its displacement; a closure
-says that the visit is at a place seen before. The innovation of a closure is what its
+The state holds the pose of the latest visit and the poses of the places around (frame of the
+first visit to each) in the frame of place 0. A travel moves the visit by its displacement; a
+closure says that the visit is at a place seen before. The innovation of a closure is what its
 normalised density is taken of.
 
-Source: Beeson 2008, section 9.3.2 (the Kalman form of G(chi)); the use for scoring is ours.
+Up to ``MOST_PLACES`` places all are held, and the estimate is the extended Kalman filter. In
+larger maps a window of places is held whose joint covariance is the marginal of the whole map:
+what the window does not hold is in a :class:`hssh_kb.walk_graph.WalkGraph`, shared by all maps
+that grow from one. While the robot stays within the window nothing is lost by that; when it
+comes near a place outside, the visits since are added to the graph and the window moves on.
+So the cost of an arrival does not grow with the map.
+
+Source: Beeson 2008, section 9.3.2 (the Kalman form of G(chi)); the use for scoring and the
+windows are ours.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hssh_kb.experience import Displacement
+from hssh_kb.walk_graph import Index, Step, WalkGraph
 
 Array = NDArray[np.float64]
+MOST_PLACES = 128
+_AROUND = 80  # places of a new window, the nearest ones
+_MOST_WANTED = 128  # places that the visit may be at, held beside those
+_REACH_SIGMAS = 7.0  # places further off than that can be no closure
 _FAR_M = 1e4
+
+
+class Log(NamedTuple):
+    """The visits since the graph was laid out, the latest first."""
+
+    before: Log | None
+    step: Step
+
+
+@dataclass(frozen=True, slots=True)
+class Town:
+    """What the window was cut from.
+
+    Attributes
+    ----------
+    graph : the visits up to then.
+    spots : (n, 2) positions of the places then, m.
+    deviations : (n, 2) of position [m] and heading [rad] of the places, against the visit then.
+    outside : (n,) the place is not in the window.
+    most : how many places the window may hold.
+    """
+
+    graph: WalkGraph
+    spots: Array
+    deviations: Array
+    outside: NDArray[np.bool_]
+    most: int
 
 
 @dataclass(frozen=True, slots=True)
 class PlaceFilter:
-    """Mean and covariance of the visit (block 0) and the places (blocks 1..n).
+    """Mean and covariance of the visit (block 0) and of w places (blocks 1..w).
 
     Attributes
     ----------
-    mean : (n + 1, 3) metres, metres, radians, in the frame of place 0.
-    cov : (3n + 3, 3n + 3).
+    mean : (w + 1, 3) metres, metres, radians, in the frame of place 0.
+    cov : (3w + 3, 3w + 3); against the visit at which the window was made.
+    places : (w,) numbers of the places held.
+    slots : index in ``places`` of each place held.
+    count : number of places in all.
+    town : what the window was cut from.
+    log : the visits since then.
     """
 
     mean: Array
     cov: Array
+    places: Index
+    count: int
+    slots: dict[int, int]
+    town: Town
+    log: Log | None
 
     @classmethod
     def start(cls) -> PlaceFilter:
         """Return the filter at the first visit: the visit and place 0, both at the origin."""
-        return cls(np.zeros((2, 3)), np.zeros((6, 6)))
+        none = np.zeros((1, 2))
+        town = Town(WalkGraph.start(), none, none, np.zeros(1, bool), MOST_PLACES)
+        places = np.zeros(1, np.intp)
+        return cls(np.zeros((2, 3)), np.zeros((6, 6)), places, 1, {0: 0}, town, None)
 
     def predict(self, displacement: Displacement | None, length_m: float) -> Prediction:
         """Return where the next visit should be, before it is told which place it is.
@@ -48,12 +102,81 @@ class PlaceFilter:
         displacement : lambda; None if unknown: then the visit may be anywhere.
         length_m : typical length of a travel, the yardstick for "anywhere".
         """
+        ahead = self.step_ahead(displacement, length_m)
+        near = self._find_outside(ahead, length_m)
+        if len(self.places) <= self.town.most and not len(near):
+            return ahead
+        return self.move_window(ahead.pose, near, length_m).step_ahead(displacement, length_m)
+
+    def locate_outside(self, place: int) -> tuple[tuple[float, float, float], Array]:
+        """Return the pose of a place that is not held, and its deviations; see :class:`Town`."""
+        town = self.town
+        x, y, theta = town.graph.poses[town.graph.first[place]].tolist()
+        return (x, y, theta), town.deviations[place]
+
+    def _find_outside(self, ahead: Prediction, length_m: float) -> Index:
+        """Return the places outside the window that the next visit may be at."""
+        town = self.town
+        if ahead.unknown or not town.outside.any():
+            return np.zeros(0, np.intp)
+        off = np.hypot(*(town.spots - ahead.pose[:2]).T)
+        own = math.sqrt(ahead.cov[0, 0] + ahead.cov[1, 1])
+        reach = 0.25 * length_m + _REACH_SIGMAS * (own + town.deviations[:, 0])
+        near = np.flatnonzero(town.outside & (off < reach))
+        return near[np.argsort(off[near] / reach[near], kind="stable")]
+
+    def move_window(
+        self, pose: tuple[float, float, float], wanted: Index, length_m: float
+    ) -> PlaceFilter:
+        """Return the filter with a new window: places wanted, and those around a pose.
+
+        Parameters
+        ----------
+        pose : x [m], y [m], heading [rad] where the robot is going.
+        wanted : numbers of places that must be held, the most important first.
+        length_m : typical length of a travel.
+        """
+        steps = []
+        log = self.log
+        while log is not None:
+            steps.append(log.step)
+            log = log.before
+        graph = self.town.graph.extend(steps[::-1], length_m).forget()
+        spots = graph.poses[graph.first, :2]
+        spots[self.places] = self.mean[1:, :2]
+        off = np.hypot(*(spots - pose[:2]).T)
+        chosen = np.zeros(self.count, bool)
+        chosen[np.argsort(off, kind="stable")[:_AROUND]] = True
+        chosen[wanted[:_MOST_WANTED]] = True
+        places = np.flatnonzero(chosen)
+        poses = graph.poses.copy()
+        poses[graph.first[self.places]] = self.mean[1:]
+        poses[graph.last] = self.mean[0]
+        window = replace(graph, poses=poses).lay_out(places, length_m)
+        graph = window.graph
+        most = max(MOST_PLACES, len(places) + MOST_PLACES - _AROUND)
+        town = Town(graph, graph.poses[graph.first, :2], window.deviations, ~chosen, most)
+        return PlaceFilter(
+            graph.poses[np.r_[graph.last, graph.first[places]]],
+            window.cov,
+            places,
+            self.count,
+            {place: k for k, place in enumerate(places.tolist())},
+            town,
+            None,
+        )
+
+    def step_ahead(self, displacement: Displacement | None, length_m: float) -> Prediction:
+        """Return where the next visit should be, the window being what it is; see `predict`."""
         x, y, theta = self.mean[0].tolist()
         head = self.cov[:3]
         if displacement is None:
             far = (_FAR_M * length_m) ** 2
             cov = np.diag([far, far, (2 * math.pi) ** 2])
-            return Prediction.of(self, (x, y, theta), cov, np.zeros_like(head), True)
+            move = Displacement(0.0, 0.0, 0.0, tuple(map(tuple, cov.tolist())))
+            return Prediction.of(
+                self, move, length_m, (x, y, theta), cov, np.zeros_like(head), True
+            )
         c, s = math.cos(theta), math.sin(theta)
         lever_x = c * displacement.x - s * displacement.y
         lever_y = s * displacement.x + c * displacement.y
@@ -76,7 +199,7 @@ class PlaceFilter:
         cov[2, 1] += yt
         cov[2, 2] += g
         pose = (x + lever_x, y + lever_y, theta + displacement.theta)
-        return Prediction.of(self, pose, cov, cross, False)
+        return Prediction.of(self, displacement, length_m, pose, cov, cross, False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,15 +223,19 @@ class Prediction:
     Attributes
     ----------
     filter : what was known before the travel.
+    move : the displacement of the travel.
+    length_m : typical length of a travel.
     pose : of the visit, in the frame of place 0.
     cov : (3, 3) of the pose.
-    cross : (3, 3n + 3) covariance of the pose with everything known.
+    cross : (3, 3w + 3) covariance of the pose with everything held.
     unknown : the displacement is unknown.
-    gap : (n, 3) pose of the visit minus pose of each place.
-    spread : (n, 3, 3) covariance of the gaps.
+    gap : (w, 3) pose of the visit minus pose of each place held.
+    spread : (w, 3, 3) covariance of the gaps.
     """
 
     filter: PlaceFilter
+    move: Displacement
+    length_m: float
     pose: tuple[float, float, float]
     cov: Array
     cross: Array
@@ -120,6 +247,8 @@ class Prediction:
     def of(
         cls,
         known: PlaceFilter,
+        move: Displacement,
+        length_m: float,
         pose: tuple[float, float, float],
         cov: Array,
         cross: Array,
@@ -132,7 +261,7 @@ class Prediction:
         across = cross.reshape(3, n + 1, 3)[:, 1:].transpose(1, 0, 2)
         gap = np.array(pose) - known.mean[1:]
         spread = cov + own - across - across.transpose(0, 2, 1)
-        return cls(known, pose, cov, cross, unknown, gap, spread)
+        return cls(known, move, length_m, pose, cov, cross, unknown, gap, spread)
 
     def measure(self, place: int, turn_rad: float) -> Innovation:
         """Return the innovation if the visit is at a place.
@@ -142,9 +271,19 @@ class Prediction:
         place : number of the place.
         turn_rad : direction of the frame of the visit in the frame of the place.
         """
-        x, y, turn = self.gap[place].tolist()
+        slot = self.filter.slots.get(place)
+        if slot is None:
+            return self._measure_outside(place, turn_rad)
+        x, y, turn = self.gap[slot].tolist()
         turn = (turn - turn_rad + math.pi) % (2 * math.pi) - math.pi
-        return Innovation((x, y, turn), self.spread[place].tolist())
+        return Innovation((x, y, turn), self.spread[slot].tolist())
+
+    def _measure_outside(self, place: int, turn_rad: float) -> Innovation:
+        """Return the innovation at a place that the filter does not hold, rather too wide."""
+        (x, y, theta), (far, heading) = self.filter.locate_outside(place)
+        turn = (self.pose[2] - theta - turn_rad + math.pi) % (2 * math.pi) - math.pi
+        spread = 2 * (self.cov + np.diag([far**2, far**2, heading**2]))
+        return Innovation((self.pose[0] - x, self.pose[1] - y, turn), spread.tolist())
 
     def found_place(self) -> PlaceFilter:
         """Return the filter with the visit as a new place."""
@@ -159,7 +298,28 @@ class Prediction:
         cov[:3, :3] = self.cov
         cov[size:, :size], cov[:size, size:] = cov[:3, :size], cov[:size, :3]
         cov[size:, size:] = self.cov
-        return PlaceFilter(mean, cov)
+        known = self.filter
+        return replace(
+            known,
+            mean=mean,
+            cov=cov,
+            places=np.append(known.places, known.count),
+            count=known.count + 1,
+            slots={**known.slots, known.count: n - 1},
+            log=self._note(known.count, self.pose, 0.0, (0.0, 0.0, 0.0)),
+        )
+
+    def _note(
+        self,
+        place: int,
+        pose: tuple[float, float, float],
+        turn_rad: float,
+        noise: tuple[float, float, float],
+    ) -> Log:
+        move = (self.move.x, self.move.y, self.move.theta)
+        is_new = place == self.filter.count
+        step = Step(place, is_new, pose, move, self.move.cov, turn_rad, noise)
+        return Log(self.filter.log, step)
 
     def close(self, place: int, turn_rad: float, noise: tuple[float, float, float]) -> PlaceFilter:
         """Return the filter with the visit at a known place.
@@ -170,14 +330,19 @@ class Prediction:
         noise : variances of x, y [m2] and heading [rad2] of the visit about the place;
             an infinite heading variance leaves the heading unmeasured.
         """
+        slot = self.filter.slots.get(place)
+        if slot is None:
+            wider = self.filter.move_window(self.pose, np.array([place]), self.length_m)
+            ahead = wider.step_ahead(None if self.unknown else self.move, self.length_m)
+            return ahead.close(place, turn_rad, noise)
         rows = 2 if math.isinf(noise[2]) else 3
         residual = self.measure(place, turn_rad).residual[:rows]
         cov = self.filter.cov.copy()
         cov[:3], cov[:, :3] = self.cross, self.cross.T
         cov[:3, :3] = self.cov
-        b = 3 * place + 3
+        b = 3 * slot + 3
         gain = cov[:, :rows] - cov[:, b : b + rows]
-        spread = self.spread[place, :rows, :rows] + np.diag(noise[:rows])
+        spread = self.spread[slot, :rows, :rows] + np.diag(noise[:rows])
         root = np.linalg.inv(np.linalg.cholesky((spread + spread.T) / 2))
         shrink = gain @ root.T
         mean = self.filter.mean.copy()
@@ -185,4 +350,6 @@ class Prediction:
         mean -= (shrink @ (root @ np.array(residual))).reshape(-1, 3)
         # W W' keeps the covariance symmetric; gain S^-1 gain' loses it bit by bit and blows up.
         cov -= shrink @ shrink.T
-        return PlaceFilter(mean, cov)
+        x, y, theta = mean[slot + 1].tolist()
+        log = self._note(place, (x, y, theta + turn_rad), turn_rad, noise)
+        return replace(self.filter, mean=mean, cov=cov, log=log)

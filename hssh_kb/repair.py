@@ -121,7 +121,9 @@ def _propose_readings(tree: MapTree, node: Node, best: float) -> Iterator[Repair
     """Yield the repairs that read a place anew so that the next visit can be it."""
     state, v = tree.state_of(node), node.visit + 1
     worth = tree.score.expect_closures(tree.predict(state, v))
-    for place in np.flatnonzero(worth > best - 2 * _WORTH_NATS).tolist():
+    held = tree.predict(state, v).filter.places
+    for slot in np.flatnonzero(worth > best - 2 * _WORTH_NATS).tolist():
+        place = int(held[slot])
         first, current = state.firsts[place], state.place_readings[place]
         stars = tree.visits[first].readings
         if len(stars) == 1:
@@ -135,6 +137,6 @@ def _propose_readings(tree: MapTree, node: Node, best: float) -> Iterator[Repair
                     continue
                 if tree.isomorphisms(v, i, first, current) and swap < 0:
                     continue
-                estimate = node.score + float(worth[place]) + swap + math.log(reading.weight)
+                estimate = node.score + float(worth[slot]) + swap + math.log(reading.weight)
                 yield Repair(node, -1, place, j, Decision(place, 0, i, False), estimate)
                 break

@@ -175,7 +175,7 @@ def _find_blamed(tree: MapTree, chain: Sequence[Node]) -> list[int]:
 def _find_near_places(tree: MapTree, node: Node) -> list[tuple[int, int]]:
     """Return the pairs of places that may well be one, the likeliest first."""
     filter_ = tree.state_of(node).filter
-    n = len(filter_.mean) - 1
+    n = len(filter_.places)
     blocks = filter_.cov.reshape(n + 1, 3, n + 1, 3)[1:, :2, 1:, :2]
     own = np.einsum("iaib->iab", blocks)
     i, j = np.triu_indices(n, 1)
@@ -190,7 +190,7 @@ def _find_near_places(tree: MapTree, node: Node) -> list[tuple[int, int]]:
     worth -= 0.5 * np.log(det) + math.log(2 * math.pi)
     good = np.flatnonzero(worth > -math.log(tree.score.area_m2) - _WORTH_NATS)
     good = good[np.argsort(-worth[good], kind="stable")][:_MOST_MERGERS]
-    return [(int(i[k]), int(j[k])) for k in good]
+    return [(int(filter_.places[i[k]]), int(filter_.places[j[k]])) for k in good]
 
 
 def thread_visits(

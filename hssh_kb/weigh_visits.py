@@ -77,7 +77,7 @@ class VisitWeigher:
     def predict(self, state: LeafState, visit: int) -> Prediction:
         """Return where the next visit should be, after a map."""
         if state.prediction is None:
-            self.work += 1 + len(state.firsts) // 50
+            self.work += 1 + len(state.filter.places) // 50
             move = self.visits[visit].displacement
             state.prediction = state.filter.predict(move, self.score.length_m)
         return state.prediction
