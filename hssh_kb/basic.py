@@ -20,6 +20,7 @@ from hssh_kb.experience import Experience
 from hssh_kb.solver import Symbol, solve_all
 from hssh_kb.theory import axiom_program, read_programs
 from hssh_kb.trace import SCHEMA, looks_like_json
+from hssh_kb.variant import list_changes
 
 TRAVEL, TURN_AROUND, FREE_TURN = "travel", "turn around", "turn"
 _AXIOMS = (
@@ -195,7 +196,7 @@ def enumerate_basic_maps(
     """
     if engine not in ("tree", "program"):
         raise UsageError(f"the engine is 'tree' or 'program', not {engine!r}")
-    if engine == "tree":
+    if engine == "tree" and not list_changes():
         end = None if budget_s is None else time.monotonic() + budget_s
         moves = [_read_move(i, action) for i, action in enumerate(experience.actions)]
         tree = BasicTree(experience.views, moves, order=order, limit=limit, end=end)

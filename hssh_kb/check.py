@@ -13,8 +13,9 @@ from hssh_kb.experience import Experience
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.narrate import Narrator
 from hssh_kb.oracle import Literal, Oracle
+from hssh_kb.program_oracle import ProgramOracle
 from hssh_kb.subsets import OutOfTimeError, find_conflicts
-from hssh_kb.theory import find_axiom
+from hssh_kb.variant import Variant
 
 _ASSUMPTION = re.compile(r"(?P<one>.+?)\s*(?P<sign>!=|=)\s*(?P<other>.+)\Z", re.DOTALL)
 _VISIT = re.compile(r"v(\d+)\Z")
@@ -141,6 +142,7 @@ def check(
     planarity: bool = True,
     limit: int = CONFLICT_LIMIT,
     budget_s: float | None = DEFAULT_BUDGET_S,
+    variant: Variant | None = None,
 ) -> Check:
     """Say whether an experience, and what is supposed about it, has a map; if not, why not.
 
@@ -151,10 +153,12 @@ def check(
     planarity : whether this axiom holds.
     limit : at most so many reasons and repairs.
     budget_s : seconds to spend; None for as long as it takes.
+    variant : axioms switched off, or rules of one's own.
 
     Raises
     ------
-    InputError : an assumption that cannot be read, or speaks of a visit that there is not.
+    InputError : an assumption that cannot be read, or speaks of a visit that there is not; axioms
+        of one's own that cannot be grounded.
     UsageError : a limit below 1 or a budget that is not positive.
 
     Source
@@ -175,7 +179,12 @@ def check(
         raise UsageError(f"the budget must be more than 0 seconds, not {budget_s:g}")
     end = None if budget_s is None else time.monotonic() + budget_s
     supposed = [parse_assumption(experience, text) for text in assumptions]
-    oracle = Oracle(experience, supposed, planarity=planarity, end=end)
+    variant = variant or Variant()
+    oracle: Oracle | ProgramOracle
+    if variant.is_plain:
+        oracle = Oracle(experience, supposed, planarity=planarity, end=end)
+    else:
+        oracle = ProgramOracle(experience, supposed, variant, planarity=planarity, end=end)
     literals = oracle.literals()
     try:
         example = oracle.find_map(frozenset(literals))
@@ -184,7 +193,7 @@ def check(
     if example is not None:
         return Check(True, (), (), "consistent", _tell_consistent(supposed), example=example)
     found = find_conflicts(literals, oracle.consistent, limit=limit, end=end)
-    narrator = Narrator(experience, supposed, planarity=planarity)
+    narrator = Narrator(experience, supposed, planarity=planarity, variant=variant)
     violations = _narrate(narrator, found.conflicts, end)
     repairs = tuple(
         tuple(_tell_literal(experience, supposed, x) for x in sorted(repair))
@@ -224,6 +233,7 @@ def explain_new(
     *,
     planarity: bool = True,
     budget_s: float | None = DEFAULT_BUDGET_S,
+    variant: Variant | None = None,
 ) -> NewPlace:
     """Say for each earlier visit whether a visit may be at the same place, and if not, why not.
 
@@ -247,7 +257,14 @@ def explain_new(
     earlier = tuple(
         (
             other,
-            check(experience, [f"v{visit}=v{other}"], planarity=planarity, limit=1, budget_s=share),
+            check(
+                experience,
+                [f"v{visit}=v{other}"],
+                planarity=planarity,
+                limit=1,
+                budget_s=share,
+                variant=variant,
+            ),
         )
         for other in range(visit)
     )
@@ -280,7 +297,7 @@ def _narrate(
     for conflict in sorted(conflicts, key=lambda c: (len(c), sorted(c))):
         rest = None if end is None else max(end - time.monotonic(), 0.5)
         reason = narrator.explain(conflict, rest)
-        source = find_axiom(reason.axiom).source if reason.axioms else "your own assumptions"
+        source = narrator.find_source(reason)
         visits = tuple(f"v{v}" for v in sorted(narrator.visits_of(conflict)))
         out.append(
             Violation(

@@ -13,8 +13,10 @@ from hssh_kb.errors import InputError
 from hssh_kb.experience import Experience
 from hssh_kb.facts import experience_to_facts
 from hssh_kb.hypothesis import Hypothesis
+from hssh_kb.program import blame_variant
 from hssh_kb.solver import Symbol, Term, parse_facts, read_term, solve_best
 from hssh_kb.theory import axiom_program, find_axiom, list_axioms, read_messages, read_programs
+from hssh_kb.variant import Variant
 from perception.errors import InputError as StarError
 from perception.star import Dlp, star_faults
 
@@ -54,7 +56,7 @@ class Finding:
     names: tuple[str, ...]
 
 
-def check_map(path: str | Path) -> tuple[Finding, ...]:
+def check_map(path: str | Path, variant: Variant | None = None) -> tuple[Finding, ...]:
     """Test a map drawn by hand: JSON of schema ``hssh.map/1``, or facts; told apart by content.
 
     Returns
@@ -73,15 +75,17 @@ def check_map(path: str | Path) -> tuple[Finding, ...]:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     if not text.lstrip("\ufeff \t\r\n").startswith(("{", "[")):
-        return check_map_facts(text, str(path))
+        return check_map_facts(text, str(path), variant)
     try:
         data = json.loads(text)
     except (json.JSONDecodeError, RecursionError) as error:
         raise InputError(f"{path}: not valid JSON ({error}); is the file complete?") from None
-    return check_map_data(data, str(path))
+    return check_map_data(data, str(path), variant)
 
 
-def check_map_facts(text: str, source: str = "map") -> tuple[Finding, ...]:
+def check_map_facts(
+    text: str, source: str = "map", variant: Variant | None = None
+) -> tuple[Finding, ...]:
     """Test a map given as facts, as it stands: what equations 1 to 10 demand must be there.
 
     Raises
@@ -104,10 +108,14 @@ def check_map_facts(text: str, source: str = "map") -> tuple[Finding, ...]:
         )
     if not facts:
         raise InputError(f"{source}: holds no facts; expected {', '.join(sorted(_known()))}")
-    return _find_violations("".join(f"{fact}.\n" for _, _, fact in facts), ("finished",))
+    return _find_violations("".join(f"{fact}.\n" for _, _, fact in facts), ("finished",), variant)
 
 
-def check_map_data(data: Any, source: str = "map") -> tuple[Finding, ...]:  # noqa: ANN401
+def check_map_data(
+    data: Any,  # noqa: ANN401
+    source: str = "map",
+    variant: Variant | None = None,
+) -> tuple[Finding, ...]:
     """Test a map given as a decoded ``hssh.map/1`` document.
 
     ``paths`` gives for each path its places in order, ``stars`` for some places the dlps clockwise
@@ -122,7 +130,8 @@ def check_map_data(data: Any, source: str = "map") -> tuple[Finding, ...]:  # no
     facts = _map_to_facts(data, faults)
     if faults:
         raise InputError(f"{source}: {'; '.join(faults[:10])}")
-    return _find_violations("".join(f"{fact}.\n" for fact in facts), ("finished", "entailed"))
+    text = "".join(f"{fact}.\n" for fact in facts)
+    return _find_violations(text, ("finished", "entailed"), variant)
 
 
 def check_claim(experience: Experience, hypothesis: Hypothesis) -> tuple[Finding, ...]:
@@ -163,9 +172,14 @@ def _known() -> set[str]:
 
 
 def _find_violations(
-    facts: str, programs: Sequence[str], *, visits: bool = False
+    facts: str,
+    programs: Sequence[str],
+    variant: Variant | None = None,
+    *,
+    visits: bool = False,
 ) -> tuple[Finding, ...]:
-    left_out = _NEEDS_VIEWS if visits else _NEEDS_VIEWS + _NEEDS_VISITS
+    variant = variant or Variant()
+    left_out = {*_NEEDS_VIEWS, *variant.without, *(() if visits else _NEEDS_VISITS)}
     axioms = [a.name for a in list_axioms() if a.name not in left_out]
     program = read_programs(
         [
@@ -180,15 +194,24 @@ def _find_violations(
     def convert(symbols: Sequence[Symbol]) -> list[tuple[str, Symbol]]:
         return [(symbol.arguments[0].name, symbol.arguments[1]) for symbol in sorted(symbols)]
 
-    best = solve_best(program + facts, convert, limit=1)
+    with blame_variant(variant):
+        best = solve_best("\n".join([variant.rules, program, facts]), convert, limit=1)
     found = best.found[0] if best.found else []
-    findings = [_tell(axiom, witness) for axiom, witness in found]
-    return tuple(sorted(findings, key=lambda f: (find_axiom(f.axiom).number, f.witness)))
+    findings = [_tell(axiom, witness, variant) for axiom, witness in found]
+    number = {axiom.name: axiom.number for axiom in list_axioms()}
+    return tuple(sorted(findings, key=lambda f: (number.get(f.axiom, len(number)), f.witness)))
 
 
-def _tell(name: str, witness: Symbol) -> Finding:
-    axiom, term = find_axiom(name), read_term(witness)
-    template = read_messages()[name][term.name]
+def _tell(name: str, witness: Symbol, variant: Variant) -> Finding:
+    term = read_term(witness)
+    template = read_messages().get(name, {}).get(term.name)
+    if name not in {axiom.name for axiom in list_axioms()}:
+        sentence = f"{name} of {variant.source} is violated: it derives {witness}."
+        return Finding(name, variant.source, sentence, str(witness), term.arguments)
+    axiom = find_axiom(name)
+    if template is None:
+        sentence = f"Axiom {axiom.number} ({axiom.title}) is violated: it derives {witness}."
+        return Finding(name, axiom.source, sentence, str(witness), term.arguments)
     text = template.format_map(name_arguments(axiom.arguments[term.name], term))
     sentence = f"Axiom {axiom.number} ({axiom.title}) is violated: {text}."
     return Finding(name, axiom.source, sentence, str(witness), term.arguments)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
 
 from hssh_kb.theory import axiom_directory, list_axioms
 
@@ -60,7 +59,6 @@ def _shorten(files: tuple[str, ...]) -> str:
     return " ".join(words)
 
 
-@cache
 def list_predicates() -> tuple[Predicate, ...]:
     """Return all predicates that one file derives, or is given, and another reads.
 

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from hssh_kb.explore import Exploration, Strategy
     from hssh_kb.query import QueryAnswer
     from hssh_kb.route import Route
+    from hssh_kb.variant import Variant
     from hssh_kb.why import Derivation
 
 
@@ -236,7 +237,9 @@ class KnowledgeBase:
         lived = Experience(self.experience.visits[: len(hypothesis.visits)], self.experience.source)
         return explain_holds(lived, hypothesis, atom)
 
-    def explain_new(self, visit: int | str, *, budget_s: float = 20.0) -> NewPlace:
+    def explain_new(
+        self, visit: int | str, *, budget_s: float = 20.0, variant: Variant | None = None
+    ) -> NewPlace:
         """Say why a visit (its number, ``v9`` or its name) is a new place.
 
         Raises
@@ -246,7 +249,7 @@ class KnowledgeBase:
         from hssh_kb.check import explain_new, find_visit
 
         number = visit if isinstance(visit, int) else find_visit(self.experience, visit)
-        return explain_new(self.experience, number, budget_s=budget_s)
+        return explain_new(self.experience, number, budget_s=budget_s, variant=variant)
 
     def explore(self, strategy: Strategy = "entropy", **options: Any) -> Exploration:  # noqa: ANN401
         """Rank the ways to go next by what they would tell; see :func:`hssh_kb.explore.explore`.

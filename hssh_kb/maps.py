@@ -12,9 +12,18 @@ from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.oracle import Oracle
 from hssh_kb.planarity import make_planarity_test
 from hssh_kb.preference import best_by_cardinality, best_by_subset
-from hssh_kb.program import has_alternatives, make_converter, sort_key, strict_program
+from hssh_kb.program import (
+    blame_variant,
+    has_alternatives,
+    hypothesis_facts,
+    make_converter,
+    sort_key,
+    strict_program,
+    variant_program,
+)
 from hssh_kb.solver import Models, is_satisfiable, solve_all
 from hssh_kb.subsets import OutOfTimeError
+from hssh_kb.variant import Variant
 
 Dstate = tuple[int, int]
 _QUICK = ("--heuristic=None",)
@@ -48,7 +57,7 @@ def enumerate_maps(
     limit: int | None = None,
     budget_s: float | None = None,
     engine: str = "tree",
-    rules: str = "",
+    variant: Variant | None = None,
 ) -> Enumeration:
     """Find all maps that are consistent with an experience.
 
@@ -58,33 +67,37 @@ def enumerate_maps(
     order, planarity : whether these axioms hold.
     limit : stop after so many maps.
     budget_s : stop after so many seconds.
-    engine : "program" asks the solver; "tree" grows the same maps sooner, and asks the solver
-        only if rules are added.
-    rules : further rules for ``violation/2``, such as an axiom of one's own.
+    engine : "program" asks the solver; "tree" grows the same maps sooner. The solver is asked in
+        any case where the axioms in use are not the packaged ones.
+    variant : axioms switched off, or rules of one's own.
 
     Returns
     -------
     Enumeration : ``complete`` is False if a budget ended the search. An experience that
-        contradicts itself gives the maps of its longest consistent beginning; under rules of
-        one's own it gives none.
+        contradicts itself gives the maps of its longest consistent beginning.
 
     Raises
     ------
-    UsageError : a budget that is not positive, or an unknown engine.
+    UsageError : a budget that is not positive, an unknown engine, or weakened axioms: these say
+        which maps are best, not which there are.
+    InputError : axioms of one's own that cannot be grounded.
     """
+    variant = variant or Variant()
+    if variant.weights:
+        raise UsageError("weakened axioms forbid nothing; they can only rank the best maps")
     if engine not in ("tree", "program"):
         raise UsageError(f"the engine is 'tree' or 'program', not {engine!r}")
     end = _deadline(limit, budget_s)
     count = len(experience)
-    found = _enumerate(experience, count, order, planarity, limit, budget_s, engine, rules)
-    if found.maps or not found.complete or rules:
+    found = _enumerate(experience, count, order, planarity, limit, budget_s, engine, variant)
+    if found.maps or not found.complete:
         return found
     broken = find_inconsistent_visit(
-        experience, order=order, planarity=planarity, budget_s=_rest(end)
+        experience, order=order, planarity=planarity, budget_s=_rest(end), variant=variant
     )
     if broken is None:
         return Enumeration((), complete=False)
-    kept = _enumerate(experience, broken, order, planarity, limit, _rest(end), engine)
+    kept = _enumerate(experience, broken, order, planarity, limit, _rest(end), engine, variant)
     return Enumeration(kept.maps, kept.complete, inconsistent_from=broken)
 
 
@@ -94,6 +107,7 @@ def find_inconsistent_visit(
     order: bool = True,
     planarity: bool = True,
     budget_s: float | None = None,
+    variant: Variant | None = None,
 ) -> int | None:
     """Return the first visit N such that visits 0..N have no map; None if all have one.
 
@@ -101,8 +115,16 @@ def find_inconsistent_visit(
     The closure under travel decides, without search where each visit has one reading.
     """
     end = None if budget_s is None else time.monotonic() + budget_s
+    variant = variant or Variant()
+    plain = variant.is_plain
 
     def consistent(count: int) -> bool | None:
+        if not plain:
+            with blame_variant(variant):
+                program = variant_program(
+                    experience, variant, order=order, planarity=planarity, visits=count
+                )
+                return is_satisfiable(program, _rest(end))
         if order:  # the least map is a tree, so planarity never decides
             begun = replace(experience, visits=experience.visits[:count])
             oracle = Oracle(begun, (), planarity=False, end=end)
@@ -137,6 +159,7 @@ def minimal_maps(
     planarity: bool = True,
     limit: int | None = None,
     budget_s: float | None = None,
+    variant: Variant | None = None,
 ) -> Enumeration:
     """Find the minimal maps of an experience: all that tie for the best.
 
@@ -150,10 +173,14 @@ def minimal_maps(
     limit : stop after so many maps.
     budget_s : stop after so many seconds; then ``complete`` is False and the maps, if any, are
         the best seen so far.
+    variant : axioms switched off or weakened, or rules of one's own. What violations of weakened
+        axioms cost comes first in ``costs``.
 
     Raises
     ------
-    UsageError : unknown ``minimal`` or ``policy``, a budget that is not positive.
+    UsageError : unknown ``minimal`` or ``policy``, a budget that is not positive, or weakened
+        axioms with subset minimality.
+    InputError : axioms of one's own that cannot be grounded.
 
     Source
     ------
@@ -163,20 +190,39 @@ def minimal_maps(
     if minimal not in ("cardinality", "subset"):
         raise UsageError(f"minimal is 'cardinality' or 'subset', not {minimal!r}")
     end = _deadline(limit, budget_s)
+    variant = variant or Variant()
+    if variant.weights and minimal == "subset":
+        raise UsageError("weakened axioms have costs, so they go with --minimal cardinality only")
     search = best_by_cardinality if minimal == "cardinality" else best_by_subset
 
     def find(count: int) -> Enumeration:
-        rest = _rest(end)
-        return _gather(search(experience, count, policy, planarity, limit, rest))
+        with blame_variant(variant):
+            return _gather(search(experience, count, policy, planarity, limit, _rest(end), variant))
 
     found = find(len(experience))
     if found.maps or not found.complete:
         return found
-    broken = find_inconsistent_visit(experience, planarity=planarity, budget_s=_rest(end))
+    broken = find_inconsistent_visit(
+        experience, planarity=planarity, budget_s=_rest(end), variant=variant
+    )
     if broken is None:
         return Enumeration((), complete=False)
     kept = find(broken)
     return Enumeration(kept.maps, kept.complete, broken, kept.costs)
+
+
+def obeys(experience: Experience, hypothesis: Hypothesis, variant: Variant) -> bool:
+    """Return whether a map violates no axiom of a variant, weakened ones included.
+
+    Raises
+    ------
+    InputError : axioms of one's own that cannot be grounded.
+    """
+    strict = replace(variant, weights={})
+    begun = replace(experience, visits=experience.visits[: len(hypothesis.visits)])
+    with blame_variant(variant):
+        program = variant_program(begun, strict, generator="")
+        return bool(is_satisfiable(program + hypothesis_facts(begun, hypothesis)))
 
 
 def _gather(models: Models[Hypothesis]) -> Enumeration:
@@ -193,11 +239,23 @@ def _enumerate(
     planarity: bool,
     limit: int | None,
     budget_s: float | None,
-    engine: str = "tree",
-    rules: str = "",
+    engine: str,
+    variant: Variant,
 ) -> Enumeration:
     readings = has_alternatives(experience)
-    if engine == "tree" and not rules and not has_partial_types(experience):
+    if not variant.is_plain:
+        with blame_variant(variant):
+            models = solve_all(
+                variant_program(
+                    experience, variant, order=order, planarity=planarity, visits=count
+                ),
+                make_converter(len(experience), readings),
+                limit=limit,
+                budget_s=budget_s,
+                options=_QUICK,
+            )
+        return Enumeration(tuple(sorted(models.found, key=sort_key)), models.complete)
+    if engine == "tree" and not has_partial_types(experience):
         end = None if budget_s is None else time.monotonic() + budget_s
         tree = TreeEnumerator(
             experience, count, order=order, planarity=planarity, limit=limit, end=end
@@ -205,7 +263,7 @@ def _enumerate(
         complete = tree.run()
         return Enumeration(tuple(sorted(tree.found, key=sort_key)), complete)
     by_filter = planarity and not readings  # quicker than guessing faces; tests hold both equal
-    program = rules + strict_program(
+    program = strict_program(
         experience, order=order, planarity=planarity and not by_filter, visits=count
     )
     keep = make_planarity_test(experience, count) if by_filter else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -11,7 +12,8 @@ from hssh_kb.experience import Experience, has_types
 from hssh_kb.facts import experience_to_facts
 from hssh_kb.oracle import AXIOMS, Literal, assumption_facts
 from hssh_kb.solver import Symbol, is_satisfiable, solve_best
-from hssh_kb.theory import axiom_program, find_axiom, read_messages, read_programs
+from hssh_kb.theory import axiom_program, find_axiom, list_axioms, read_messages, read_programs
+from hssh_kb.variant import Variant
 
 _BY_WEIGHT = (
     "planarity",
@@ -25,6 +27,7 @@ _BY_WEIGHT = (
 
 
 _WIDE_LIMIT = 6
+_OWN = re.compile(r"\bviolation\(\s*([a-z]\w*)")
 _COMPARES = ("star_isomorphism", "path_types")
 """Axioms that compare what was seen at two visits."""
 
@@ -54,16 +57,25 @@ class Narrator:
     ----------
     experience, assumptions : what was lived through and what is supposed.
     planarity : whether this axiom holds.
+    variant : axioms switched off, or rules of one's own.
     """
 
     def __init__(
-        self, experience: Experience, assumptions: Sequence[Assumption], *, planarity: bool
+        self,
+        experience: Experience,
+        assumptions: Sequence[Assumption],
+        *,
+        planarity: bool,
+        variant: Variant | None = None,
     ) -> None:
         self.experience, self.assumptions = experience, assumptions
+        self.variant = variant or Variant()
         left_out = set() if planarity else {"planarity"}
         if not has_types(experience):
             left_out.add("path_types")
-        self.axioms = [name for name in AXIOMS if name not in left_out]
+        held = AXIOMS if self.variant.is_plain else self.variant.search_axioms()
+        self.axioms = [name for name in held if name not in left_out]
+        self.own = sorted(set(_OWN.findall(self.variant.rules)))
 
     def explain(self, conflict: frozenset[Literal], budget_s: float | None = None) -> Reason:
         """Return the reason of a minimal conflict.
@@ -73,19 +85,23 @@ class Narrator:
         InternalError : the logic programs find no conflict where the closure found one.
         """
         visits = self.visits_of(conflict)
-        facts = self._facts(conflict, visits)
+        facts = self._facts(conflict, visits) + self.variant.rules
         if self._satisfiable(facts, self.axioms, budget_s):
             raise InternalError(
                 f"the axioms accept what their closure rejects, at visits {sorted(visits)}"
             )
         needed = list(self.axioms)
-        for name in _BY_WEIGHT:
+        weighty = [*_BY_WEIGHT, *(name for name in self.axioms if name not in _BY_WEIGHT)]
+        for name in weighty:
             fewer = [other for other in needed if other != name]
             if name in needed and self._satisfiable(facts, fewer, budget_s) is False:
                 needed = fewer
-        if not needed:
+        ruled = bool(self.own) and self._satisfiable(
+            self._facts(conflict, visits), needed, budget_s
+        )
+        if not needed and not ruled:
             return Reason("assumption", (), "", self._tell_assumptions(conflict))
-        violated = next(name for name in _BY_WEIGHT if name in needed)
+        violated = self.own[0] if ruled else next(name for name in weighty if name in needed)
         others = [name for name in needed if name != violated]
         witness = self._find_witness(facts, others, violated, budget_s)
         text = self._tell(conflict, violated, others, witness)
@@ -125,7 +141,7 @@ class Narrator:
         Few visits may be anywhere. With more, whatever matching stars or following the travels
         regardless of stars can make one place: without planarity no other place is forced.
         """
-        if len(visits) <= _WIDE_LIMIT:
+        if len(visits) <= _WIDE_LIMIT or not self.variant.is_plain:
             return read_programs(["wide"])
         held = [self.assumptions[x.number] for x in conflict if x.kind == "assumption"]
         stars = frozenset(x.number for x in conflict if x.kind == "star")
@@ -153,9 +169,8 @@ class Narrator:
     ) -> tuple[str, str]:
         """Return clause and term of a smallest violation when all the others are kept."""
         names = ["experience", "generate", "map", "assume", "components"]
-        program = read_programs(
-            [*names, *map(axiom_program, [*others, violated]), "modes/diagnose"]
-        )
+        axioms = [name for name in [*others, violated] if name not in self.own]
+        program = read_programs([*names, *map(axiom_program, axioms), "modes/diagnose"])
         program += facts + f"\n#show.\n#show X : violation({violated},X).\n"
         program += "".join(f":- violation({name},X).\n" for name in others)
 
@@ -167,7 +182,19 @@ class Narrator:
             return "", ""
         return best.found[0][0].name, str(best.found[0][0])
 
+    def find_source(self, reason: Reason) -> str:
+        """Return where the axiom of a reason comes from."""
+        if not reason.axioms:
+            return "your own assumptions"
+        known = {axiom.name: axiom.source for axiom in list_axioms()}
+        return known.get(reason.axiom, self.variant.source)
+
     # words
+
+    def _name(self, axiom: str) -> str:
+        if axiom in self.own:
+            return f"{axiom} of {self.variant.source}"
+        return f"axiom {find_axiom(axiom).number} ({find_axiom(axiom).title})"
 
     def _tell_assumptions(self, conflict: Iterable[Literal]) -> str:
         return f"{self._subject(conflict)} contradict each other."
@@ -185,11 +212,9 @@ class Narrator:
         others: Sequence[str],
         witness: tuple[str, str],
     ) -> str:
-        axiom = find_axiom(violated)
         subject = self._subject(conflict) or "The experience"
-        head = f"{subject} breaks axiom {axiom.number} ({axiom.title})"
-        if " and " in subject:
-            head = f"{subject} together break axiom {axiom.number} ({axiom.title})"
+        breaks = "together break" if " and " in subject else "breaks"
+        head = f"{subject} {breaks} {self._name(violated)}"
         detail = self._detail(conflict, violated, witness)
         chain = self._chain(conflict, violated, others, witness)
         doubtful = any(
@@ -211,9 +236,7 @@ class Narrator:
             return ""
         told = f"by the travel{'s' if len(travels) > 1 else ''} {self._legs(travels)}"
         if others:
-            laws = " and ".join(
-                f"axiom {find_axiom(name).number} ({find_axiom(name).title})" for name in others
-            )
+            laws = " and ".join(map(self._name, others))
             told += f", and by {laws}"
         numbers = _numbers(witness[1])
         if violated in _COMPARES and len(numbers) >= 2:
@@ -226,9 +249,9 @@ class Narrator:
         if clause and violated == "star_isomorphism":
             direct = not any(x.kind == "travel" for x in conflict)
             clause = "none" if direct and clause != "size" else clause
-        template = read_messages()[violated].get(clause)
-        if template is None:
-            return find_axiom(violated).title
+        template = read_messages().get(violated, {}).get(clause)
+        if template is None or violated not in AXIOMS:
+            return f"it derives {term}" if term else self._name(violated)
         return template.format(**self._words(violated, _numbers(term)))
 
     def _words(self, violated: str, numbers: Sequence[int]) -> dict[str, str]:

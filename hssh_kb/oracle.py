@@ -47,6 +47,23 @@ def assumption_facts(assumptions: Iterable[tuple[int, Assumption]]) -> str:
     )
 
 
+def list_literals(experience: Experience, assumptions: Sequence[Assumption]) -> list[Literal]:
+    """Return all that may be dropped, what is near the assumptions first."""
+    count = len(experience)
+    near = [v for a in assumptions for v in (a.one, a.other)]
+
+    def distance(v: int) -> int:
+        return min((abs(v - w) for w in near), default=v)
+
+    visits = sorted(range(count), key=lambda v: (distance(v), v))
+    observed = []
+    for v in visits:
+        observed.append(Literal("star", v))
+        if v:
+            observed.append(Literal("travel", v))
+    return [Literal("assumption", i) for i in range(len(assumptions))] + observed
+
+
 class Oracle:
     """Answers whether a set of literals has a map.
 
@@ -77,19 +94,7 @@ class Oracle:
 
     def literals(self) -> list[Literal]:
         """Return all literals, those near the assumptions first."""
-        count = len(self.experience)
-        near = [v for a in self.assumptions for v in (a.one, a.other)]
-
-        def distance(v: int) -> int:
-            return min((abs(v - w) for w in near), default=v)
-
-        visits = sorted(range(count), key=lambda v: (distance(v), v))
-        observed = []
-        for v in visits:
-            observed.append(Literal("star", v))
-            if v:
-                observed.append(Literal("travel", v))
-        return [Literal("assumption", i) for i in range(len(self.assumptions))] + observed
+        return list_literals(self.experience, self.assumptions)
 
     def consistent(self, active: frozenset[Literal]) -> bool:
         """Return whether some map agrees with these literals.

@@ -10,10 +10,16 @@ from hssh_kb.experience import Experience, has_partial_types
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.map_samples import sample_planar_maps
 from hssh_kb.planarity import is_planar, make_planarity_test
-from hssh_kb.program import has_alternatives, make_converter, strict_program
+from hssh_kb.program import (
+    has_alternatives,
+    make_converter,
+    strict_program,
+    variant_program,
+)
 from hssh_kb.ranking import measure_map
 from hssh_kb.solver import Models, Symbol, solve_best, solve_minimal
 from hssh_kb.theory import policy_levels, policy_program
+from hssh_kb.variant import Variant
 
 _LETTERS = "ABCDEFGH"
 _LONG, _SAMPLE_SHARE, _LEAST_S = 36, 0.2, 0.2
@@ -27,6 +33,7 @@ def best_by_cardinality(
     planarity: bool,
     limit: int | None,
     budget_s: float | None,
+    variant: Variant,
 ) -> Models[Hypothesis]:
     """Find the maps of the first visits that cost least, all that tie.
 
@@ -34,6 +41,12 @@ def best_by_cardinality(
     sought, and so on: a few quick searches instead of one in which the faces are guessed.
     """
     further = ("objective", policy_program(policy))
+    if not variant.is_plain:
+        program = variant_program(
+            experience, variant, planarity=planarity, visits=count, further=further
+        )
+        convert = make_converter(count, has_alternatives(experience))
+        return solve_best(program, convert, limit=limit, budget_s=budget_s)
     program = strict_program(experience, planarity=False, visits=count, further=further)
     end = None if budget_s is None else time.monotonic() + budget_s
     sampled = (
@@ -109,8 +122,15 @@ def best_by_subset(
     planarity: bool,
     limit: int | None,
     budget_s: float | None,
+    variant: Variant,
 ) -> Models[Hypothesis]:
     """Find the maps of the first visits to which no other is preferred, by inclusion."""
-    program = strict_program(experience, planarity=planarity, visits=count, further=("objective",))
+    further = ("objective",)
+    if variant.is_plain:
+        program = strict_program(experience, planarity=planarity, visits=count, further=further)
+    else:
+        program = variant_program(
+            experience, variant, planarity=planarity, visits=count, further=further
+        )
     convert = make_converter(count, has_alternatives(experience))
     return solve_minimal(program, policy_levels(policy), convert, limit=limit, budget_s=budget_s)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
+from hssh_kb.errors import InputError, InternalError
 from hssh_kb.experience import Experience, has_types
 from hssh_kb.facts import candidate_facts, experience_to_facts
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.solver import Symbol
 from hssh_kb.theory import axiom_program, read_programs
+from hssh_kb.variant import Variant
 
 _CORE = ("experience", "generate", "map", "connected", "modes/strict", "show")
 
@@ -49,6 +52,72 @@ def strict_program(
     if planarity:
         names.append(axiom_program("planarity"))
     return read_programs([*names, *further]) + facts
+
+
+def variant_program(
+    experience: Experience,
+    variant: Variant,
+    *,
+    order: bool = True,
+    planarity: bool = True,
+    visits: int | None = None,
+    generator: str = "wide",
+    mode: str = "",
+    further: Sequence[str] = (),
+) -> str:
+    """Return the program of a variant of the theory: all from the files in use, nothing hidden.
+
+    Weakened axioms forbid nothing; what their violations cost is minimised first. Without a
+    generator, what is offered is to be given.
+    """
+    left_out = set() if planarity else {"planarity"}
+    left_out |= set() if order else {"order_irreflexive"}
+    axioms = [name for name in variant.search_axioms() if name not in left_out]
+    mode = mode or ("modes/diagnose" if variant.weights else "modes/strict")
+    names = ["experience", "generate", "map", "components", mode, "show"]
+    names += [generator] if generator else []
+    weights = [f"weight({name},{cost})." for name, cost in sorted(variant.weights.items())]
+    if weights:
+        weights.append(":- violation(N,X), not weighted(N).")
+    count = len(experience) if visits is None else visits
+    return "\n".join(
+        [
+            variant.rules,
+            read_programs([*names, *map(axiom_program, axioms), *further]),
+            *weights,
+            experience_to_facts(experience, range(count)),
+        ]
+    )
+
+
+def hypothesis_facts(experience: Experience, hypothesis: Hypothesis) -> str:
+    """Return what offers one map and no other, with the travels it doubts."""
+    lines = [f"doubtable(travel({v}))." for v in hypothesis.doubted]
+    for v, (p, r) in enumerate(zip(hypothesis.visits, hypothesis.offsets, strict=True)):
+        if p < v:
+            lines.append(f"candidate({v},{p},{r}).")
+        lines.append(f":- not place({v},{p},{r}).")
+        if len(experience.visits[v].readings) > 1:
+            lines.append(
+                f":- not reading({v},{hypothesis.readings[v] if hypothesis.readings else 0})."
+            )
+    return "\n" + "\n".join(lines) + "\n"
+
+
+@contextmanager
+def blame_variant(variant: Variant) -> Iterator[None]:
+    """Turn what the solver has against a variant of the theory into an error of its author.
+
+    Raises
+    ------
+    InputError : the rules of the variant do not fit together.
+    """
+    try:
+        yield
+    except InternalError as error:
+        if variant.is_plain:
+            raise
+        raise InputError(f"axioms {variant.describe()}: {error}") from None
 
 
 def make_converter(

@@ -15,6 +15,7 @@ from hssh_kb.experience import Experience
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.maps import Dstate, enumerate_maps, path_classes
 from hssh_kb.solver import answer_query
+from hssh_kb.variant import Variant
 
 MAP_LIMIT = 20_000
 """At most so many maps are asked, unless one says otherwise."""
@@ -116,6 +117,7 @@ def query_all_maps(
     planarity: bool = True,
     limit: int = MAP_LIMIT,
     budget_s: float | None = None,
+    variant: Variant | None = None,
 ) -> QueryAnswer:
     """Answer a query over all consistent maps, at most ``limit`` of them.
 
@@ -128,7 +130,14 @@ def query_all_maps(
     """
     start = time.monotonic()
     half = None if budget_s is None else budget_s / 2
-    found = enumerate_maps(experience, order=order, planarity=planarity, limit=limit, budget_s=half)
+    found = enumerate_maps(
+        experience,
+        order=order,
+        planarity=planarity,
+        limit=limit,
+        budget_s=half,
+        variant=variant,
+    )
     rest = None if budget_s is None else max(budget_s - (time.monotonic() - start), 0.0)
     answer = query_maps(experience, found.maps, query, budget_s=rest)
     return replace(answer, complete=answer.complete and found.complete)

@@ -8,13 +8,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
 
-from hssh_kb.errors import UsageError
+from hssh_kb.errors import NoAnswerError, UsageError
 from hssh_kb.experience import Experience
 from hssh_kb.facts import price_of_reading
 from hssh_kb.hypothesis import Hypothesis
+
+if TYPE_CHECKING:
+    from hssh_kb.variant import Variant
 
 COUNT_LIMIT = 2000
 """Maps are counted by default only if there are at most so many."""
@@ -39,6 +42,8 @@ class RankedMaps:
     inconsistent_from : the first visit with which no consistent map is left; None if there is
         one. The maps are then those of the visits before it.
     policy : the preference, where minimality decided.
+    penalty : what the violations of weakened axioms cost in each of the maps; they are then the
+        maps in which this is least.
     """
 
     maps: tuple[Hypothesis, ...]
@@ -49,6 +54,7 @@ class RankedMaps:
     inconsistent_from: int | None = None
     budget_spent: bool = False
     policy: str = DEFAULT_POLICY
+    penalty: int | None = None
 
     @property
     def complete(self) -> bool:
@@ -86,6 +92,7 @@ def rank_maps(
     order: bool = True,
     budget_s: float | None = None,
     policy: str | None = None,
+    variant: Variant | None = None,
 ) -> RankedMaps:
     """Find the maps of an experience and rank them.
 
@@ -98,6 +105,8 @@ def rank_maps(
     planarity, order : whether these axioms hold.
     budget_s : seconds after which a partial answer is given (``budget_spent``).
     policy : a preference of :data:`hssh_kb.theory.POLICIES`: minimality decides, in its order.
+    variant : axioms switched off or weakened, or rules of one's own. Where the posterior decides,
+        the search holds to the packaged axioms, and maps that break others are left out.
 
     Examples
     --------
@@ -106,7 +115,10 @@ def rank_maps(
     >>> [hypothesis.visits for hypothesis in rank_maps(walk).maps]
     [(0, 1)]
     """
+    from hssh_kb.variant import Variant
+
     weaker = not (planarity and order)
+    variant = variant or Variant()
     if policy is not None:
         from hssh_kb.theory import policy_program
 
@@ -114,16 +126,44 @@ def rank_maps(
         minimal = minimal or "cardinality"
     policy = policy or DEFAULT_POLICY
     if experience.has_displacements and minimal is None and not every and not weaker:
-        return _rank_by_posterior(experience, best or 5, budget_s)
+        ranked = _rank_by_posterior(experience, best or 5, budget_s)
+        return ranked if variant.is_plain else _hold_to(experience, ranked, variant)
     if minimal == "subset" and every:
         raise UsageError("subset minimality leaves maps out, so it cannot be asked for all maps")
-    if not order or every or minimal != "subset":
-        ranked = _rank_all(experience, every, best, planarity, order, budget_s, policy)
-        if ranked is not None:
-            return ranked
+    if variant.weights and (every or not order):
+        raise UsageError("weakened axioms rank the best maps; all maps cannot be asked for")
+    if not variant.weights and (not order or every or minimal != "subset"):
+        found = _rank_all(experience, every, best, planarity, order, budget_s, policy, variant)
+        if found is not None:
+            return found
     return _rank_by_minimality(
-        experience, best, minimal or "cardinality", planarity, budget_s, policy
+        experience, best, minimal or "cardinality", planarity, budget_s, policy, variant
     )
+
+
+def _hold_to(experience: Experience, ranked: RankedMaps, variant: Variant) -> RankedMaps:
+    """Leave out maps that break the axioms of a variant, which the search does not read.
+
+    Raises
+    ------
+    UsageError : the variant forbids less than the packaged axioms do.
+    NoAnswerError : none of the maps is left.
+    """
+    from hssh_kb.maps import obeys
+
+    if variant.without or variant.weights:
+        raise UsageError(
+            "the search for the most probable maps holds to all axioms; with axioms switched off "
+            "or weakened, let minimality decide (--minimal cardinality)"
+        )
+    kept = tuple(h for h in ranked.maps if obeys(experience, h, variant))
+    if ranked.maps and not kept:
+        raise NoAnswerError(
+            f"the {len(ranked.maps)} most probable maps all break the axioms in use "
+            f"({variant.describe()}); let minimality decide (--minimal cardinality), or ask for "
+            "more maps"
+        )
+    return replace(ranked, maps=kept, proven=ranked.proven and kept == ranked.maps)
 
 
 def _rank_by_posterior(experience: Experience, best: int, budget_s: float | None) -> RankedMaps:
@@ -150,13 +190,19 @@ def _rank_all(
     order: bool,
     budget_s: float | None,
     policy: str,
+    variant: Variant,
 ) -> RankedMaps | None:
     """Enumerate; None if there are too many to do so without having been asked."""
     from hssh_kb.maps import enumerate_maps
 
     limit = None if every or not order else COUNT_LIMIT
     found = enumerate_maps(
-        experience, order=order, planarity=planarity, limit=limit, budget_s=budget_s
+        experience,
+        order=order,
+        planarity=planarity,
+        limit=limit,
+        budget_s=budget_s,
+        variant=variant,
     )
     if not found.complete and limit is not None:
         return None
@@ -180,11 +226,17 @@ def _rank_by_minimality(
     planarity: bool,
     budget_s: float | None,
     policy: str,
+    variant: Variant,
 ) -> RankedMaps:
     from hssh_kb.maps import minimal_maps
 
     found = minimal_maps(
-        experience, minimal=minimal, planarity=planarity, budget_s=budget_s, policy=policy
+        experience,
+        minimal=minimal,
+        planarity=planarity,
+        budget_s=budget_s,
+        policy=policy,
+        variant=variant,
     )
     return RankedMaps(
         tuple(found.maps[:best] if best else found.maps),
@@ -194,6 +246,7 @@ def _rank_by_minimality(
         inconsistent_from=found.inconsistent_from,
         budget_spent=not found.complete,
         policy=policy,
+        penalty=found.costs[0][0] if variant.weights and found.costs else None,
     )
 
 

@@ -1,10 +1,13 @@
 """The theory as files: where the axioms lie, what each says, what each predicate means.
 
-The logic itself is in ``axioms/``; nothing here or elsewhere in Python forbids a map.
+The logic itself is in ``axioms/``; nothing here or elsewhere in Python forbids a map. A copy of
+one's own takes the place of the packaged files if the environment names it, or
+:func:`use_axioms`.
 """
 
 from __future__ import annotations
 
+import os
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -12,7 +15,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-from hssh_kb.errors import InternalError, UsageError
+from hssh_kb.errors import InputError, InternalError, UsageError
 
 _FIELD = re.compile(
     r"%\s*(?P<key>Number|Name|Title|Says|Source|Status|Reads|Derives):\s*(?P<text>.*)"
@@ -58,9 +61,14 @@ class Axiom:
     arguments: Mapping[str, tuple[str, ...]] = field(default_factory=dict, compare=False)
 
 
+ENVIRONMENT = "HSSH_AXIOMS"
+"""The environment variable that names a directory of axioms of one's own."""
+_chosen: list[Path] = []
+
+
 @cache
-def axiom_directory() -> Path:
-    """Return the directory of the ``.lp`` files: inside the installed package, or the checkout.
+def packaged_directory() -> Path:
+    """Return the directory of the packaged ``.lp`` files: in the package, or in the checkout.
 
     Raises
     ------
@@ -73,14 +81,69 @@ def axiom_directory() -> Path:
     raise InternalError(f"the axiom files are missing beside {here}; reinstall the package")
 
 
-@cache
+def use_axioms(directory: str | Path | None) -> None:
+    """Use a copy of the axioms of one's own from now on; None for what is used by default.
+
+    Raises
+    ------
+    InputError : it is no directory of axioms.
+    """
+    _chosen.clear()
+    if directory is not None:
+        _chosen.append(_check_directory(Path(directory), "--axioms"))
+
+
+def axiom_directory() -> Path:
+    """Return the directory of the ``.lp`` files in use.
+
+    Raises
+    ------
+    InputError : the environment names what is no directory of axioms.
+    """
+    if _chosen:
+        return _chosen[0]
+    named = os.environ.get(ENVIRONMENT)
+    return _check_directory(Path(named), ENVIRONMENT) if named else packaged_directory()
+
+
+def _check_directory(directory: Path, told_by: str) -> Path:
+    if not (directory / "generate.lp").is_file():
+        raise InputError(
+            f"{told_by}: {directory} is no directory of axioms (it lacks generate.lp); give a "
+            f"copy of {packaged_directory()}"
+        )
+    return directory.resolve()
+
+
 def read_program(name: str) -> str:
-    """Return the text of one file of the axiom directory, named without ``.lp``."""
-    path = axiom_directory() / f"{name}.lp"
+    """Return the text of one file of the axiom directory, named without ``.lp``.
+
+    Raises
+    ------
+    InputError : a directory of one's own lacks it.
+    """
+    return _read_file(axiom_directory() / f"{name}.lp")
+
+
+def _read_file(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InternalError(f"{path}: cannot be read ({error.strerror}); reinstall") from None
+        if path.is_relative_to(packaged_directory()):
+            return _read_text(path, 0, 0)
+        about = path.stat()
+        return _read_text(path, about.st_mtime_ns, about.st_size)
+    except (OSError, UnicodeDecodeError) as error:
+        told = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        if path.is_relative_to(packaged_directory()):
+            raise InternalError(f"{path}: cannot be read ({told}); reinstall") from None
+        raise InputError(
+            f"{path}: cannot be read ({told}); take it from {packaged_directory()}"
+        ) from None
+
+
+@cache
+def _read_text(path: Path, _time_ns: int, _size: int) -> str:
+    """Read a file; one that was changed since is read anew."""
+    return path.read_text(encoding="utf-8")
 
 
 def read_programs(names: Iterable[str]) -> str:
@@ -121,20 +184,33 @@ def _first_comment(text: str) -> str:
     return text.splitlines()[0].partition(": ")[2]
 
 
-@cache
 def list_axioms() -> tuple[Axiom, ...]:
     """Return all axioms by number, read from the headers of their files.
+
+    Raises
+    ------
+    InputError : a file of one's own lacks the header.
 
     Examples
     --------
     >>> next(axiom.name for axiom in list_axioms() if axiom.number == 8)
     'order_irreflexive'
     """
-    files = sorted(axiom_directory().glob("[0-9][0-9]_*.lp"))
-    return tuple(sorted((_parse_axiom(path) for path in files), key=lambda axiom: axiom.number))
+    directory = axiom_directory()
+    return _list_packaged() if directory == packaged_directory() else _list_files(directory)
 
 
 @cache
+def _list_packaged() -> tuple[Axiom, ...]:
+    return _list_files(packaged_directory())
+
+
+def _list_files(directory: Path) -> tuple[Axiom, ...]:
+    files = sorted(directory.glob("[0-9][0-9]_*.lp"))
+    axioms = [_parse_axiom(path, _read_file(path)) for path in files]
+    return tuple(sorted(axioms, key=lambda axiom: axiom.number))
+
+
 def find_axiom(name: str) -> Axiom:
     """Return the axiom of a name.
 
@@ -142,10 +218,11 @@ def find_axiom(name: str) -> Axiom:
     ------
     UsageError : there is none.
     """
-    for axiom in list_axioms():
+    axioms = list_axioms()
+    for axiom in axioms:
         if axiom.name == name:
             return axiom
-    known = ", ".join(axiom.name for axiom in list_axioms())
+    known = ", ".join(axiom.name for axiom in axioms)
     raise UsageError(f"no axiom is called {name!r}; there are {known}")
 
 
@@ -154,17 +231,30 @@ def axiom_program(name: str) -> str:
     return find_axiom(name).file.removesuffix(".lp")
 
 
-@cache
 def read_messages() -> dict[str, dict[str, str]]:
-    """Return the sentences for violations: axiom, clause, template."""
-    text = (axiom_directory() / "messages.toml").read_text(encoding="utf-8")
-    return tomllib.loads(text)
+    """Return the sentences for violations: axiom, clause, template.
+
+    Raises
+    ------
+    InputError : the file of one's own is no TOML.
+    """
+    path = axiom_directory() / "messages.toml"
+    return _parse_messages(path, _read_file(path))
 
 
-def _parse_axiom(path: Path) -> Axiom:
+@cache
+def _parse_messages(path: Path, text: str) -> dict[str, dict[str, str]]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: not valid TOML ({error})") from None
+
+
+@cache
+def _parse_axiom(path: Path, text: str) -> Axiom:
     fields: dict[str, str] = {}
     key = ""
-    for line in path.read_text(encoding="utf-8").splitlines():
+    for line in text.splitlines():
         if match := _FIELD.match(line):
             key = match["key"]
             fields[key] = match["text"].strip()
@@ -177,8 +267,11 @@ def _parse_axiom(path: Path) -> Axiom:
     missing = {"Number", "Name", "Title", "Says", "Source", "Status", "Reads", "Derives"} - set(
         fields
     )
-    if missing:
-        raise InternalError(f"{path}: the header lacks {', '.join(sorted(missing))}")
+    if missing or not fields["Number"].isdigit():
+        raise InputError(
+            f"{path}: the header of an axiom needs a line '% Number: N' and such lines for "
+            f"{', '.join(sorted(missing)) or 'the rest'}; the other axioms show how"
+        )
     heads = re.findall(r"violation\(\w+, (\w+)(?:\(([^)]*)\))?\)", fields["Derives"])
     return Axiom(
         number=int(fields["Number"]),

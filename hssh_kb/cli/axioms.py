@@ -6,6 +6,7 @@ import argparse
 from dataclasses import asdict
 
 from hssh_kb.cli.output import print_json, wrap_words
+from hssh_kb.cli.variants import add_directory, use_directory
 
 NAME = "axioms"
 HELP = "the axioms: number, source, status, text; the glossary of predicates"
@@ -22,6 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--glossary", action="store_true", help="the predicates instead of the axioms"
     )
+    add_directory(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -29,6 +31,7 @@ def run(args: argparse.Namespace) -> int:
     from hssh_kb.glossary import list_predicates
     from hssh_kb.theory import axiom_directory, list_axioms, list_policies
 
+    use_directory(args)
     directory = str(axiom_directory())
     if args.json:
         document = {

@@ -93,6 +93,7 @@ def _run_one(args: argparse.Namespace, source: Path) -> int:
     from hssh_kb.answers import document_build
     from hssh_kb.kb import KnowledgeBase
     from hssh_kb.store import is_knowledge_base
+    from hssh_kb.variant import Variant
 
     target = Path(args.output) if args.output else Path(name_output(source))
     check_target(source, target)
@@ -101,7 +102,8 @@ def _run_one(args: argparse.Namespace, source: Path) -> int:
     options = gather_options(args, source)
     with show_progress(f"building {target}") as report:
         kb = KnowledgeBase.build(source, progress=report, **options)
-    tell_notices(kb.record.notices)
+    told = Variant().tell(probable=kb.ranked_by == "posterior")
+    tell_notices([*kb.record.notices, *([told] if told else [])])
     kb.save(target)
     if args.json:
         print_json(document_build(kb, str(target)))

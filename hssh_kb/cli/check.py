@@ -13,6 +13,7 @@ from hssh_kb.cli.reasons import (
     explain_new_place,
     is_drawn_map,
 )
+from hssh_kb.cli.variants import add_variant, take_variant
 from hssh_kb.errors import UsageError
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ EXAMPLES = """\
   hssh check office.hssh --why-new v9          why is visit 9 a new place?
   hssh check walk.json --why 'order(path(0,0),plus,0,2)'  why does this hold in the best map?
   hssh check drawn.json                        does a map drawn by hand violate an axiom?
+  hssh check walk.json --assume v7=v2 --axioms mine/  the same under axioms of one's own
 """
 DEFAULT_BUDGET_S = 20.0
 
@@ -55,6 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--why-new", metavar="vN", help="why this visit is a new place: what forbids each other"
     )
     add_map(parser)
+    add_variant(parser, weaken=False)
     add_budget(parser, DEFAULT_BUDGET_S)
 
 
@@ -66,22 +69,23 @@ def run(args: argparse.Namespace) -> int:
     from hssh_kb.store import read_kb_or_trace
 
     if is_drawn_map(args.input):
-        return check_drawn_map(args)
+        return check_drawn_map(args, take_variant(args, drawn=True))
+    variant = take_variant(args)
     found = read_kb_or_trace(args.input)
     if args.why or args.why_new:
         if args.assume or (args.why and args.why_new):
             raise UsageError("give only one of --assume, --why and --why-new")
         if not isinstance(found, KnowledgeBase):
             tell_notices(found.notices)
-            found = KnowledgeBase.from_experience(found, budget_s=args.budget)
-        return explain_atom(args, found) if args.why else explain_new_place(args, found)
+            found = KnowledgeBase.from_experience(found, budget_s=args.budget, variant=variant)
+        return explain_atom(args, found) if args.why else explain_new_place(args, found, variant)
     if isinstance(found, KnowledgeBase):
         experience = found.experience
     else:
         experience = found
         tell_notices(experience.notices)
     with show_progress("checking"):
-        answer = check(experience, assumptions=args.assume, budget_s=args.budget)
+        answer = check(experience, assumptions=args.assume, budget_s=args.budget, variant=variant)
     if args.json:
         print_json(document_check(answer))
     else:

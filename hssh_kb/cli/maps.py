@@ -18,6 +18,7 @@ from hssh_kb.cli.output import (
     wrap_words,
 )
 from hssh_kb.cli.query import run_query
+from hssh_kb.cli.variants import add_variant, refuse_variant, take_variant, use_directory
 from hssh_kb.errors import UsageError
 
 if TYPE_CHECKING:
@@ -44,6 +45,9 @@ EXAMPLES = """\
   hssh maps office.hssh --best 3 -v            three maps, with the terms of their scores
   hssh maps walk.json --policy places-then-paths  fewest places first
   hssh maps walk.json --query 'at(V,P), on(H,P)'  what holds in every map, and in how many
+  hssh maps walk.json --without 13             without the axiom that the way back leads back
+  hssh maps walk.json --weaken 8=5             a circular path costs 5, and is not forbidden
+  hssh maps walk.json --rules mine.lp          with an axiom of one's own
   hssh maps office.hssh --best 3 --query 'at(7,P)'  where visit 7 was, in the three best maps
 """
 DEFAULT_BUDGET_S = 60.0
@@ -73,6 +77,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--no-path-types", action="store_true", help="leave aside the path types a trace may tell"
     )
     parser.add_argument("--no-order", action="store_true", help="allow circular paths")
+    add_variant(parser, weaken=True)
     add_budget(parser, None, told=f"{DEFAULT_BUDGET_S:g}")
     parser.add_argument(
         "-v", "--verbose", action="store_true", help="also the terms of each score, and doubts"
@@ -91,8 +96,12 @@ def run(args: argparse.Namespace) -> int:
     if args.verbose and args.json:
         raise UsageError("-v has no effect with --json, which always holds the terms")
     if is_basic_trace(args.input):
+        refuse_variant(args, "a basic trace, whose axioms are read from --axioms")
+        use_directory(args)
         return run_basic_maps(args, args.budget or DEFAULT_BUDGET_S)
+    variant = take_variant(args)
     asked = args.all or args.minimal or args.policy or args.no_planarity or args.no_order
+    asked = asked or not variant.is_plain
     found = read_kb_or_trace(args.input)
     stored = found if isinstance(found, KnowledgeBase) else None
     experience = found.experience if isinstance(found, KnowledgeBase) else found
@@ -102,7 +111,7 @@ def run(args: argparse.Namespace) -> int:
             raise UsageError("--no-path-types has no effect on maps that are stored; give a trace")
         found = experience = forget_types(experience)
     if args.query is not None:
-        return run_query(args, found, args.budget or DEFAULT_BUDGET_S)
+        return run_query(args, found, args.budget or DEFAULT_BUDGET_S, variant)
     if stored and not asked and (not args.best or args.best <= len(stored.hypotheses)):
         if args.budget:
             raise UsageError("--budget has no effect: these maps are stored, nothing is searched")
@@ -118,7 +127,10 @@ def run(args: argparse.Namespace) -> int:
                 order=not args.no_order,
                 budget_s=args.budget or DEFAULT_BUDGET_S,
                 policy=args.policy,
+                variant=variant,
             )
+    if ranked.ranked_by == "posterior" and not variant.is_plain:
+        tell_notices([variant.tell(probable=True)])
     if args.json:
         print_json(document_maps(experience, ranked))
     else:
@@ -187,6 +199,11 @@ def _say_what_decided(ranked: RankedMaps) -> str:
         "places-then-paths": "the fewest places, then the fewest paths, come first",
         "places-only": "the fewest places come first",
     }
+    if ranked.penalty is not None:
+        return (
+            f"Broken axioms cost {ranked.penalty} in each of these, and no map makes do with less; "
+            "then minimality decided."
+        )
     usual = "the fewest paths, then the fewest places, come first"
     return f"Minimality decided: {told.get(ranked.policy, usual)}."
 

@@ -13,23 +13,29 @@ if TYPE_CHECKING:
     from hssh_kb.experience import Experience
     from hssh_kb.kb import KnowledgeBase
     from hssh_kb.query import QueryAnswer
+    from hssh_kb.variant import Variant
 
 
-def run_query(args: argparse.Namespace, found: KnowledgeBase | Experience, budget_s: float) -> int:
+def run_query(
+    args: argparse.Namespace,
+    found: KnowledgeBase | Experience,
+    budget_s: float,
+    variant: Variant,
+) -> int:
     """Ask the query of the maps that the other options choose, and print the answer."""
     from hssh_kb.kb import KnowledgeBase
     from hssh_kb.theory_answers import document_query
 
     if args.verbose:
         raise UsageError("-v has no effect with --query")
-    chosen = args.best or args.minimal or args.policy
+    chosen = args.best or args.minimal or args.policy or variant.weights
     stored = isinstance(found, KnowledgeBase)
-    weaker = args.no_planarity or args.no_order
+    weaker = args.no_planarity or args.no_order or not variant.is_plain
     with show_progress("asking the maps"):
         if chosen or (stored and not args.all and not weaker):
-            answer, asked_of = _ask_ranked(args, found, budget_s)
+            answer, asked_of = _ask_ranked(args, found, budget_s, variant)
         else:
-            answer, asked_of = _ask_all(args, found, budget_s), "all consistent maps"
+            answer, asked_of = _ask_all(args, found, budget_s, variant), "all consistent maps"
     if args.json:
         print_json(document_query(args.query, answer, asked_of, complete=answer.complete))
     else:
@@ -40,7 +46,10 @@ def run_query(args: argparse.Namespace, found: KnowledgeBase | Experience, budge
 
 
 def _ask_all(
-    args: argparse.Namespace, found: KnowledgeBase | Experience, budget_s: float
+    args: argparse.Namespace,
+    found: KnowledgeBase | Experience,
+    budget_s: float,
+    variant: Variant,
 ) -> QueryAnswer:
     from hssh_kb.query import query_all_maps
 
@@ -50,11 +59,15 @@ def _ask_all(
         order=not args.no_order,
         planarity=not args.no_planarity,
         budget_s=budget_s,
+        variant=variant,
     )
 
 
 def _ask_ranked(
-    args: argparse.Namespace, found: KnowledgeBase | Experience, budget_s: float
+    args: argparse.Namespace,
+    found: KnowledgeBase | Experience,
+    budget_s: float,
+    variant: Variant,
 ) -> tuple[QueryAnswer, str]:
     from dataclasses import replace
 
@@ -64,6 +77,7 @@ def _ask_ranked(
 
     start = time.monotonic()
     stored = isinstance(found, KnowledgeBase) and not (args.minimal or args.policy)
+    stored = stored and variant.is_plain
     if isinstance(found, KnowledgeBase) and stored and (args.best or 0) <= len(found.hypotheses):
         maps = found.hypotheses[: args.best]
         answer = query_maps(found.experience, maps, args.query, budget_s=budget_s)
@@ -76,6 +90,7 @@ def _ask_ranked(
         planarity=not args.no_planarity,
         order=not args.no_order,
         budget_s=budget_s / 2,
+        variant=variant,
     )
     rest = max(budget_s - (time.monotonic() - start), 0.0)
     answer = query_maps(_experience_of(found), ranked.maps, args.query, budget_s=rest)

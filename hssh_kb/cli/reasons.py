@@ -13,6 +13,7 @@ from hssh_kb.errors import UsageError
 if TYPE_CHECKING:
     from hssh_kb.check import NewPlace
     from hssh_kb.kb import KnowledgeBase
+    from hssh_kb.variant import Variant
 
 _FACT = re.compile(r"(\s|%[^\n]*\n)*[a-z]\w*\(")
 _MAP_SCHEMA = re.compile(r'"schema"\s*:\s*"hssh\.map/')
@@ -29,7 +30,7 @@ def is_drawn_map(path: str) -> bool:
     return bool(_FACT.match(text.lstrip("\ufeff")))
 
 
-def check_drawn_map(args: argparse.Namespace) -> int:
+def check_drawn_map(args: argparse.Namespace, variant: Variant) -> int:
     """Test a map drawn by hand and print what it violates."""
     from hssh_kb.finished import check_map
     from hssh_kb.theory_answers import document_finished
@@ -39,7 +40,7 @@ def check_drawn_map(args: argparse.Namespace) -> int:
             f"{args.input} is a map drawn by hand: --assume, --why and --why-new are about an "
             "experience"
         )
-    findings = check_map(args.input)
+    findings = check_map(args.input, variant)
     if args.json:
         print_json(document_finished(args.input, findings))
         return 1 if findings else 0
@@ -65,12 +66,12 @@ def explain_atom(args: argparse.Namespace, kb: KnowledgeBase) -> int:
     return 0
 
 
-def explain_new_place(args: argparse.Namespace, kb: KnowledgeBase) -> int:
+def explain_new_place(args: argparse.Namespace, kb: KnowledgeBase, variant: Variant) -> int:
     """Print why a visit is a new place: what each earlier visit would violate."""
     from hssh_kb.theory_answers import document_new
 
     with show_progress("checking"):
-        answer = kb.explain_new(args.why_new, budget_s=args.budget)
+        answer = kb.explain_new(args.why_new, budget_s=args.budget, variant=variant)
     hypothesis = kb.hypothesis(args.map)
     is_new = answer.visit < len(hypothesis.visits) and (
         hypothesis.visits[answer.visit] == answer.visit

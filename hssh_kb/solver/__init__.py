@@ -1,8 +1,16 @@
 """The one seam to clingo: programs in, plain Python out, with budgets in models and seconds."""
 
+from hssh_kb.solver.assuming import AssumingSolver
 from hssh_kb.solver.deriving import Step, derive_all
 from hssh_kb.solver.minimal import solve_minimal
-from hssh_kb.solver.reading import Term, answer_query, parse_facts, read_term, show_term
+from hssh_kb.solver.reading import (
+    Term,
+    answer_query,
+    check_rules,
+    parse_facts,
+    read_term,
+    show_term,
+)
 from hssh_kb.solver.solving import (
     Control,
     Models,
@@ -14,12 +22,14 @@ from hssh_kb.solver.solving import (
 )
 
 __all__ = [
+    "AssumingSolver",
     "Control",
     "Models",
     "Step",
     "Symbol",
     "Term",
     "answer_query",
+    "check_rules",
     "derive_all",
     "ground",
     "is_satisfiable",

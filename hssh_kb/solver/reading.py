@@ -53,6 +53,32 @@ def parse_facts(text: str) -> list[tuple[str, int, str]]:
     return sorted(facts)
 
 
+def check_rules(text: str) -> None:
+    """Check that rules can be read and are safe; what they speak of may be given elsewhere.
+
+    Raises
+    ------
+    ValueError : they are not, or hold a script; says where and what is wrong.
+    """
+    messages: list[str] = []
+
+    def note(statement: ast.AST) -> None:
+        if statement.ast_type == ast.ASTType.Script:
+            raise ValueError(f"line {statement.location.begin.line}: scripts are not run")
+
+    def log(_: clingo.MessageCode, message: str) -> None:
+        told = message.strip().replace("<string>:", "line ").replace("<block>:", "line ")
+        messages.append(" ".join(told.split()))
+
+    try:
+        ast.parse_string(text, note, logger=log)
+        control = clingo.Control(["--warn=none"], logger=log)
+        control.add("base", [], text)
+        control.ground([("base", [])])
+    except RuntimeError:
+        raise ValueError("; ".join(messages[:5])) from None
+
+
 @dataclass(frozen=True)
 class Term:
     """A ground term: functor and the texts of its arguments."""

@@ -17,6 +17,7 @@ from hssh_kb.maps import (
 from hssh_kb.program import make_converter, strict_program
 from hssh_kb.solver import solve_all
 from hssh_kb.theory import POLICIES
+from hssh_kb.variant import Variant
 from hssh_kb.trace import experience_from_data, experience_to_data
 
 SWITCHES = (
@@ -151,7 +152,7 @@ def test_rules_of_ones_own_are_obeyed():
     experience = worlds.grid(2, 2).drive(worlds.RING)
     every = enumerate_maps(experience).maps
     rules = "violation(mine, home(V)) :- place(V,0,O), V > 0."
-    found = enumerate_maps(experience, rules=rules).maps
+    found = enumerate_maps(experience, variant=Variant(rules=rules)).maps
     assert found == tuple(h for h in every if 0 not in h.visits[1:])
     assert 0 < len(found) < len(every)
 
