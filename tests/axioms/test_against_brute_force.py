@@ -17,8 +17,8 @@ from hssh_kb.maps import (
 from hssh_kb.program import make_converter, strict_program
 from hssh_kb.solver import solve_all
 from hssh_kb.theory import POLICIES
-from hssh_kb.variant import Variant
 from hssh_kb.trace import experience_from_data, experience_to_data
+from hssh_kb.variant import Variant
 
 SWITCHES = (
     {},
