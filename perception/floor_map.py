@@ -15,8 +15,8 @@ import numpy as np
 from perception.constrictions import Constriction, find_constrictions
 from perception.continuity import StarReading, read_star, read_stars
 from perception.core import Arm
-from perception.doors import measure_things
 from perception.errors import InputError
+from perception.floor_crossings import add_crossings
 from perception.floor_places import PlaceKind, PlaceNodes, find_places, holds_point
 from perception.floor_pruning import open_loops, prune_shallow
 from perception.floor_skeleton import build_floor_skeleton
@@ -166,7 +166,7 @@ def explore_floor(
             f"the free space around ({', '.join(f'{v:.2f}' for v in _middle(space, frame))}) m "
             "is one room without a way to go; there is nothing to explore"
         )
-    return _Survey(space, skeleton, frame).describe(rooms_m or {})
+    return _Survey(space, skeleton, frame, settings.midline_m).describe(rooms_m or {})
 
 
 def _middle(space: FloorSpace, frame: Frame) -> list[float]:
@@ -177,7 +177,9 @@ def _middle(space: FloorSpace, frame: Frame) -> list[float]:
 class _Survey:
     """One exploration under way."""
 
-    def __init__(self, space: FloorSpace, skeleton: Skeleton, frame: Frame) -> None:
+    def __init__(
+        self, space: FloorSpace, skeleton: Skeleton, frame: Frame, midline_m: float
+    ) -> None:
         self.space, self.frame = space, frame
         self.constrictions = find_constrictions(space, skeleton)
         self.kinds = tell_kinds(space, skeleton, self.constrictions)
@@ -191,8 +193,9 @@ class _Survey:
         for k, (constriction, kind) in enumerate(zip(self.constrictions, self.kinds, strict=True)):
             if kind == "door":
                 self.graph.tags[constriction.branch].add(k)
-        open_loops(self.graph, space, measure_things(space))
+        open_loops(self.graph, space)
         prune_shallow(self.graph, space.resolution_m)
+        add_crossings(self.graph, space, midline_m=midline_m)
 
     def describe(self, rooms_m: Mapping[str, Sequence[Array]]) -> FloorMap:
         """Return the place graph."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -22,6 +21,7 @@ _LEAST_BEND_RAD = math.radians(50.0)
 _ARM_M = 1.0
 _LEAST_ROOM_M = 1.2
 _CORNERS_APART_M = 2.0
+_PLACE_SIZE = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,29 +177,34 @@ def _group_junctions(
     graph: SkeletonGraph, kinds: dict[int, PlaceKind], door_cells: set[tuple[float, float]]
 ) -> list[tuple[int, ...]]:
     """Return the nodes of each place: junctions of which one holds the other are one place."""
-    root = {node: node for node in kinds}
-
-    def find(node: int) -> int:
-        while root[node] != node:
-            node = root[node]
-        return node
-
+    groups: dict[int, list[int]] = {node: [node] for node in kinds}
+    links = list[tuple[float, int, int]]()
     for branch in graph.branches.values():
         one, other = branch.tail, branch.head
-        if kinds.get(one) != "junction" or kinds.get(other) != "junction":
+        if one == other or not kinds.get(one) == kinds.get(other) == "junction":
             continue
         a, b = graph.nodes[one], graph.nodes[other]
-        if math.dist(a.point_px, b.point_px) > max(a.radius_px, b.radius_px):
+        gap = math.dist(a.point_px, b.point_px)
+        if gap > max(a.radius_px, b.radius_px):
             continue
         holds = np.hypot(*(branch.points_px - a.point_px).T) <= a.radius_px
         holds |= np.hypot(*(branch.points_px - b.point_px).T) <= b.radius_px
-        if not holds.all() or any(tuple(p) in door_cells for p in branch.points_px.tolist()):
+        if holds.all() and not any(tuple(p) in door_cells for p in branch.points_px.tolist()):
+            links.append((gap, one, other))
+    for _, one, other in sorted(links):
+        joined = [*groups[one], *groups[other]]
+        if groups[one] is groups[other] or not _is_one_place(graph, joined):
             continue
-        root[find(one)] = find(other)
-    members: dict[int, list[int]] = defaultdict(list)
-    for node in sorted(kinds):
-        members[find(node)].append(node)
-    return [tuple(nodes) for _, nodes in sorted(members.items())]
+        for node in joined:
+            groups[node] = joined
+    return sorted({tuple(sorted(nodes)) for nodes in groups.values()})
+
+
+def _is_one_place(graph: SkeletonGraph, nodes: Sequence[int]) -> bool:
+    """Tell whether no two nodes are much farther apart than the largest of their discs reaches."""
+    points = np.array([graph.nodes[node].point_px for node in nodes])
+    gap = np.hypot(*(points[:, None] - points[None]).T).max()
+    return bool(gap <= _PLACE_SIZE * max(graph.nodes[node].radius_px for node in nodes))
 
 
 def _split_loop(

@@ -24,6 +24,12 @@ from perception.skeleton_graph import SkeletonGraph
 LEAST_WALL_M = 1.0
 """The skeleton ends where the nearest walls are closer than this along the wall."""
 
+DEEP = 1.25
+"""A hall is open in its middle where a disc fits in that reaches this times M from the walls."""
+
+LEAST_HALL_M = 3.0
+"""The open middle of a hall is at least so long."""
+
 _FREE_OF_WALLS = np.int32(-(1 << 24))
 
 
@@ -112,18 +118,16 @@ def _find_sides(
     to_wall[own] = np.arange(len(own))
     nearest = np.take(to_wall, labels)
     side = np.take(space.position, nearest)
-    open_ = ((distance >= midline_px - 0.5) & region.inside).view(np.uint8)
-    if open_.any():
-        count, *found = cv2.connectedComponentsWithStats(open_, connectivity=4)
+    deep = (distance >= DEEP * midline_px - 0.5) & region.inside
+    if deep.any():
+        away = cv2.distanceTransform((~deep).view(np.uint8), cv2.DIST_L2, 5)
+        open_ = (away <= (DEEP - 1) * midline_px) & region.inside
+        _, *found = cv2.connectedComponentsWithStats(open_.view(np.uint8), connectivity=4)
         parts, stats = np.asarray(found[0], np.int32), np.asarray(found[1], np.int32)
-        deepest = np.zeros(count, np.float32)
-        np.maximum.at(deepest, parts[open_ > 0], distance[open_ > 0])
-        for k in np.flatnonzero(deepest >= 1.5 * midline_px):
-            if k == 0:
-                continue
-            x, y, w, h = stats[k, :4]
-            window = (slice(y, y + h), slice(x, x + w))
-            side[window][parts[window] == k] = _FREE_OF_WALLS * np.int32(k)
+        small = stats[:, 2:4].max(axis=1) < LEAST_HALL_M / space.resolution_m
+        small[0] = True
+        open_ &= ~small[parts]
+        side[open_] = _FREE_OF_WALLS * parts[open_]
     return side, nearest, distance
 
 

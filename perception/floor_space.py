@@ -49,7 +49,7 @@ class FloorSettings:
     robot_radius_m: float = 0.25
     speck_m: float = 0.7
     opening_m: float = 0.15
-    midline_m: float = 3.0
+    midline_m: float = 2.0
     least_part_m2: float = 4.0
 
 

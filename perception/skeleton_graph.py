@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import heapq
+import math
 from collections import defaultdict
 
 from perception.skeleton import Branch, Node, Skeleton
@@ -81,7 +83,7 @@ class SkeletonGraph:
         one = one if one.head == node else one.reversed()
         two = two if two.tail == node else two.reversed()
         joined = one.joined(two)
-        fresh = self._add(joined)
+        fresh = self.add(joined)
         self.at.pop(node)
         for end in (joined.tail, joined.head):
             self.at[end] -= set(rest)
@@ -100,11 +102,12 @@ class SkeletonGraph:
         x, y = branch.points_px[i].tolist()
         self.nodes[node] = Node((x, y), float(branch.radius_px[i]))
         size = len(branch.points_px)
-        one = self._add(branch.part(0, i + 1, branch.tail, node))
-        two = self._add(branch.part(i, size, node, branch.head))
+        one = self.add(branch.part(0, i + 1, branch.tail, node))
+        two = self.add(branch.part(i, size, node, branch.head))
         return node, one, two
 
-    def _add(self, branch: Branch) -> int:
+    def add(self, branch: Branch) -> int:
+        """Add a branch between nodes; return its number."""
         fresh = self._fresh
         self._fresh += 1
         self.branches[fresh] = branch
@@ -149,18 +152,24 @@ class SkeletonGraph:
         for node in list(self.at):
             self.join_at(node)
 
-    def are_linked(self, start: int, goal: int, without: int) -> bool:
-        """Tell whether a way leads from node to node that does not pass one branch."""
-        seen, stack = {start}, [start]
-        while stack:
-            node = stack.pop()
+    def measure_way(self, start: int, goal: int, without: int = -1) -> float:
+        """Return the length of the shortest way from node to node that does not pass one branch.
+
+        In pixels; infinite if there is none.
+        """
+        queue, done = [(0.0, start)], set[int]()
+        while queue:
+            here, node = heapq.heappop(queue)
             if node == goal:
-                return True
+                return here
+            if node in done:
+                continue
+            done.add(node)
             for k in self.at[node]:
                 if k == without:
                     continue
-                for other in (self.branches[k].tail, self.branches[k].head):
-                    if other not in seen:
-                        seen.add(other)
-                        stack.append(other)
-        return False
+                branch = self.branches[k]
+                other = branch.head if branch.tail == node else branch.tail
+                if other not in done:
+                    heapq.heappush(queue, (here + float(branch.steps_px[-1]), other))
+        return math.inf

@@ -118,6 +118,37 @@ def test_a_gap_between_furniture_is_no_door():
     assert not any(g.kind == "door" for g in explore(plan).gateways)
 
 
+def test_a_row_of_chairs_is_one_thing_that_is_passed_on_both_sides():
+    plan = Plan(16, 18).carve(1, 7, 3, 1.5).carve(4, 4, 9, 7).carve(13, 7, 2, 1.5)
+    for k in range(6):
+        plan.block(5.5 + k, 7.4, 0.75, 0.75)
+    floor = explore(plan)
+    junctions = [k for k, p in enumerate(floor.places) if p.kind == "junction"]
+    assert len(junctions) == 2
+    around = [e for e in floor.edges if {e.start, e.goal} <= {*junctions}]
+    assert len(around) == 2
+
+
+def test_a_way_that_saves_a_great_detour_stays_though_a_small_thing_stands_beside_it():
+    plan = Plan(26, 18).carve(1, 2, 22, 2.2).carve(1, 14, 22, 2.2).carve(1, 2, 2.2, 14)
+    plan.carve(20.8, 2, 2.2, 14).carve(10, 4, 4, 10).block(11.8, 7, 0.8, 0.8)
+    floor = explore(plan)
+    middle = [e for e in floor.edges if np.ptp(e.points_m[:, 1]) > 7]
+    assert len(middle) == 3  # left, right, and past the thing on one side
+
+
+def test_a_hall_has_ways_along_its_walls_and_straight_across():
+    plan = Plan(40, 26).carve(2, 6, 34, 14).carve(18, 1, 1.5, 5.2).carve(18, 19.8, 1.5, 5.2)
+    floor = explore(plan)
+    ends = [k for k, p in enumerate(floor.places) if len(p.gateways) == 4]
+    assert len(ends) == 2
+    assert sorted(abs(floor.places[k].centre_m[1] - 13.0) for k in ends) == pytest.approx(
+        [5, 5], abs=0.7
+    )
+    across = [e for e in floor.edges if {e.start, e.goal} == set(ends) and e.length_m < 11]
+    assert len(across) == 1
+
+
 def test_a_room_between_two_doors_holds_a_place():
     plan = Plan(16, 18).carve(1, 1, 4, 4).carve(5.3, 1, 4, 4).carve(9.6, 1, 4, 4)
     plan.carve(4.9, 2.5, 0.5, 0.9).carve(9.2, 2.5, 0.5, 0.9)
