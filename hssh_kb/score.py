@@ -22,6 +22,7 @@ from hssh_kb.place_filter import Array, Innovation, Prediction
 
 TERMS = ("layout", "heading", "exclusion", "readings", "places", "doubts")
 _LOG_2PI = math.log(2 * math.pi)
+_LOST_PLACES = 25.0  # a robot that may be at any of so many places is lost
 
 
 class Addends(NamedTuple):
@@ -116,7 +117,12 @@ class Score:
         chi2 = (d * x * x - 2 * b * x * y + a * y * y) / det
         if self.outlier:
             chi2 = np.minimum(chi2, chi2 / 9 + 8.0)
-        return np.asarray(-0.5 * chi2 - 0.5 * np.log(det) - _LOG_2PI)
+        return np.asarray(-0.5 * chi2 - 0.5 * np.log(np.minimum(det, self._widest)) - _LOG_2PI)
+
+    @property
+    def _widest(self) -> float:
+        """The determinant beyond which a robot is lost, and no place is any less probable."""
+        return (_LOST_PLACES * self.area_m2) ** 2
 
     def weigh_closure(
         self, prediction: Prediction, innovation: Innovation, turn_var: float
@@ -156,11 +162,12 @@ class Score:
 
     def _weigh_innovation(self, chi2: float, det: float) -> tuple[float, bool]:
         """Return the log density, and whether the wide part of the mixture explains it better."""
-        plain = -0.5 * chi2 - _LOG_2PI - 0.5 * math.log(det)
+        wide = 0.5 * math.log(min(det, self._widest))
+        plain = -0.5 * chi2 - _LOG_2PI - wide
         if not self.outlier:
             return plain, False
         inner = math.log1p(-self.outlier) + plain
-        outer = math.log(self.outlier / 9) - chi2 / 18 - _LOG_2PI - 0.5 * math.log(det)
+        outer = math.log(self.outlier / 9) - chi2 / 18 - _LOG_2PI - wide
         top = max(inner, outer)
         return top + math.log(math.exp(inner - top) + math.exp(outer - top)), outer > inner
 
