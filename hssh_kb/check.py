@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from hssh_kb.congruence import Assumption
 from hssh_kb.errors import InputError, UsageError
-from hssh_kb.experience import Experience
+from hssh_kb.experience import Experience, hold_types
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.narrate import Narrator
 from hssh_kb.oracle import Literal, Oracle
@@ -179,6 +179,7 @@ def check(
         raise UsageError(f"the budget must be more than 0 seconds, not {budget_s:g}")
     end = None if budget_s is None else time.monotonic() + budget_s
     supposed = [parse_assumption(experience, text) for text in assumptions]
+    experience = hold_types(experience)
     variant = variant or Variant()
     oracle: Oracle | ProgramOracle
     if variant.is_plain:

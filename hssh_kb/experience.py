@@ -171,6 +171,18 @@ def forget_types(experience: Experience) -> Experience:
     return replace(experience, visits=visits)
 
 
+def hold_types(experience: Experience) -> Experience:
+    """Return the experience with the path types that axiom 18 is held to.
+
+    Where displacements were measured, types were perceived too, and perception errs: one wrong
+    type would refute a true closure that everything measured speaks for. So they are left aside
+    there, as they are in the search for the most probable maps; else all are held.
+    """
+    if experience.has_displacements and has_types(experience):
+        return forget_types(experience)
+    return experience
+
+
 def default_covariance(x: float, y: float) -> list[list[float]]:
     """Return the covariance assumed where a trace gives none: 10 % of the length, 0.05 rad."""
     var = max(0.1 * math.hypot(x, y), 0.05) ** 2

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from hssh_kb.errors import BudgetError, InputError
-from hssh_kb.experience import Experience
+from hssh_kb.experience import Experience, hold_types
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.maps import Dstate, enumerate_maps, path_classes
 from hssh_kb.solver import answer_query
@@ -131,7 +131,7 @@ def query_all_maps(
     start = time.monotonic()
     half = None if budget_s is None else budget_s / 2
     found = enumerate_maps(
-        experience,
+        hold_types(experience),
         order=order,
         planarity=planarity,
         limit=limit,

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 from hssh_kb.errors import NoAnswerError, UsageError
-from hssh_kb.experience import Experience
+from hssh_kb.experience import Experience, hold_types
 from hssh_kb.facts import price_of_reading
 from hssh_kb.hypothesis import Hypothesis
 
@@ -119,6 +119,7 @@ def rank_maps(
 
     weaker = not (planarity and order)
     variant = variant or Variant()
+    experience = hold_types(experience)
     if policy is not None:
         from hssh_kb.theory import policy_program
 

@@ -74,7 +74,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--no-planarity", action="store_true", help="allow paths to cross anywhere")
     parser.add_argument(
-        "--no-path-types", action="store_true", help="leave aside the path types a trace may tell"
+        "--no-path-types",
+        action="store_true",
+        help="leave aside the path types a trace may tell (as is done with displacements)",
     )
     parser.add_argument("--no-order", action="store_true", help="allow circular paths")
     add_variant(parser, weaken=True)

@@ -34,7 +34,7 @@ def agree(experience, m):
         for w in range(v):
             if m.visits[w] != p:
                 continue
-            mine, theirs = experience.visits[v].readings[0], experience.visits[w].readings[0]
+            mine, theirs = (experience.visits[u].readings[m.readings[u]] for u in (v, w))
             size = len(mine.star)
             turn = m.offsets[v] - m.offsets[w]
             for k in range(size if mine.types and theirs.types else 0):
@@ -60,8 +60,52 @@ def test_maps_are_those_in_which_types_agree(told):
                 assert not expected
         if expected:
             best = minimal_maps(experience)
-            assert {(h.visits, h.offsets) for h in best.maps} <= expected
+            plain = brute_force.plain(experience)
+            costs = {m: brute_force.count(plain, m) for m in free if m[:2] in expected}
+            least = {m[:2] for m, cost in costs.items() if cost == min(costs.values())}
+            assert {(h.visits, h.offsets) for h in best.maps} == least
     assert spared
+
+
+def test_types_of_alternative_readings_count_where_these_are_chosen():
+    spared = 0
+    for seed in range(12):
+        rng = random.Random(seed)
+        data = experience_to_data(typed_experience(seed, told=0.3))
+        for item in data["visits"]:
+            if rng.random() < 0.4:
+                types = [rng.choice([*OPEN, None]) if t[-1] == "1" else None for t in item["star"]]
+                keys = ("star", "arrive", "depart")
+                item["alternatives"] = [
+                    {**{key: item[key] for key in keys}, "types": types, "weight": 0.3}
+                ]
+        experience = experience_from_data(data)
+        free = brute_force.all_maps(brute_force.plain(experience))
+        expected = {tuple(m) for m in free if agree(experience, m)}
+        spared += len(free) - len(expected)
+        for engine in ("tree", "program"):
+            found = enumerate_maps(experience, engine=engine)
+            if found.inconsistent_from is None:
+                maps = {
+                    (h.visits, h.offsets, h.readings or (0,) * len(data["visits"]))
+                    for h in found.maps
+                }
+                assert maps == expected, (seed, engine)
+            else:
+                assert not expected
+    assert spared
+
+
+def test_types_are_left_aside_where_displacements_were_measured():
+    data = experience_to_data(typed_experience(1, told=1.0))
+    for item in data["visits"][1:]:
+        item["displacement"] = {"x": 3.0, "y": 0.0, "theta": 0.0}
+    experience = experience_from_data(data)
+    assert has_types(experience)
+    for v in range(1, len(experience)):
+        for w in range(v):
+            asked = [f"v{v}=v{w}"]
+            assert check(experience, asked) == check(forget_types(experience), asked)
 
 
 @pytest.mark.parametrize("told", [0.3, 1.0])
