@@ -71,17 +71,23 @@ def read_stars(
     """
     if continuity not in ("angle", "ray"):
         raise InputError(f"there is no path continuity {continuity!r}; choose 'angle' or 'ray'")
-    readings: list[StarReading] = []
+    choices: list[tuple[float, list[int], Pairs]] = []
     for kept, sure in _doubt_gateways(gateways):
         chosen = [gateways[k] for k in kept]
         matchings = (
             [(_match_by_rays(chosen), 1.0)] if continuity == "ray" else _match_by_angle(chosen)
         )
-        for pairs, weight in matchings:
-            reading = _read(chosen, centre_px, pairs, weight * sure)
-            out = tuple(None if k is None else kept[k] for k in reading.gateway_out)
-            readings.append(replace(reading, gateway_out=out))
-    return _merge(readings)
+        choices += [(weight * sure, kept, pairs) for pairs, weight in matchings]
+    choices.sort(key=lambda choice: -choice[0])
+    best = choices[0][0]
+    choices = [c for c in choices[:_MOST_READINGS] if c[0] >= _LEAST_WEIGHT * best]
+    total = sum(weight for weight, _, _ in choices)
+    readings = []
+    for weight, kept, pairs in choices:
+        reading = _read([gateways[k] for k in kept], centre_px, pairs, weight / total)
+        out = tuple(None if k is None else kept[k] for k in reading.gateway_out)
+        readings.append(replace(reading, gateway_out=out))
+    return tuple(readings)
 
 
 def _doubt_gateways(gateways: Sequence[Gateway]) -> list[tuple[list[int], float]]:
@@ -317,17 +323,3 @@ def _letters(k: int) -> str:
         k, rest = divmod(k - 1, 26)
         text = chr(ord("a") + rest) + text
     return text
-
-
-def _merge(readings: list[StarReading]) -> tuple[StarReading, ...]:
-    """Put equal readings together, keep the likeliest, let their weights sum to 1."""
-    found: dict[tuple[Star, tuple[int | None, ...]], StarReading] = {}
-    for reading in readings:
-        key = reading.star, reading.gateway_out
-        old = found.get(key)
-        weight = reading.weight + (old.weight if old else 0.0)
-        found[key] = replace(old or reading, weight=weight)
-    best = sorted(found.values(), key=lambda reading: -reading.weight)[:_MOST_READINGS]
-    best = [r for r in best if r.weight >= _LEAST_WEIGHT * best[0].weight] or best[:1]
-    total = sum(reading.weight for reading in best)
-    return tuple(replace(r, weight=r.weight / total) for r in best)

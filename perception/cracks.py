@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.geometry import Array
+from perception.kernels import Kernels
 from perception.region import Index, Region
 
 OPEN = -1
@@ -109,8 +110,28 @@ def _mark_open(
     np.copyto(face, open_, where=open_ > 0)
 
 
-def find_cracks(region: Region, field: Field) -> Cracks:
-    """Find the edges between neighbouring cells of two faces, and the sub-cell crossing there."""
+def find_cracks(region: Region, field: Field, kernels: Kernels | None = None) -> Cracks:
+    """Find the edges between neighbouring cells of two faces, and the sub-cell crossing there.
+
+    Parameters
+    ----------
+    kernels : compiled loops to do it with, if any.
+    """
+    if kernels is not None:
+        numbers, values = kernels.cross_faces(
+            field.face,
+            field.label,
+            field.wall_of_label,
+            field.distance,
+            region.walls,
+            field.left,
+            field.top,
+            field.first_open,
+            field.level,
+            region.radius_px + 0.5,
+            region.inside.shape[1] + 1,
+        )
+        return Cracks(numbers[:, :2], values[:, :2], values[:, 2], numbers[:, 2], numbers[:, 3])
     width = field.face.shape[1]
     right, down = _find_edges(field.face)
     first = np.concatenate([right, down])

@@ -29,6 +29,9 @@ Method = Literal["anchor", "constriction"]
 Direction = Literal["fit", "heading"]
 Point = tuple[float, float]
 
+_AT_EDGE = 0.06
+"""Share of a search area; the reach of an anchor may begin so far beyond the edge of the core."""
+
 
 @dataclass(frozen=True)
 class Gateway:
@@ -92,7 +95,8 @@ def find_gateway(
     ------
     Beeson 2008, Algorithms 6.2 to 6.5. Ours: neighbouring wall cells count as one anchor, since
     the corner of a wall is several cells of a grid; a wall point that defines less than 15 % of
-    the search area anchors nothing (the gateway is then at the edge of the core); *fit*.
+    the search area anchors nothing (the gateway is then at the edge of the core); where its reach
+    ends at the edge but for a few cells, the few cells do not count; *fit*.
     """
     for value, known, what in (
         (method, Method, "gateway method"),
@@ -128,11 +132,11 @@ def needs_virtual_walls(arms: Sequence[Arm]) -> bool:
 
 def _search_area(branch: Branch, edge: int) -> tuple[int, int]:
     """Return [first, last) of the points within the Voronoi radius of the edge of the core."""
-    gap = np.hypot(*(branch.points_px - branch.points_px[edge]).T)
-    far = np.flatnonzero(gap > branch.radius_px[edge])
-    before, after = far[far < edge], far[far > edge]
-    first = int(before[-1]) + 1 if len(before) else 1
-    last = int(after[0]) if len(after) else len(gap)
+    gap = branch.points_px - branch.points_px[edge]
+    far = np.einsum("ij,ij->i", gap, gap) > branch.radius_px[edge] ** 2
+    before, after = far[:edge][::-1], far[edge + 1 :]
+    first = edge - int(before.argmax()) if before.any() else 1
+    last = edge + 1 + int(after.argmax()) if after.any() else len(far)
     return min(first, edge), max(last, edge + 1)
 
 
@@ -166,6 +170,9 @@ def _place_by_anchor(
     held = _held_by(sides, anchor)[first:last]
     wanted = np.flatnonzero(~held if held[edge - first] else held) + first
     inner, outer = wanted[wanted < edge], wanted[wanted > edge]
+    near = _AT_EDGE * (last - first)
+    if len(outer) and outer[0] - edge <= near and not (len(inner) and edge - inner[-1] <= near):
+        return anchor, int(outer[0])
     if len(inner):
         return anchor, int(inner[-1])
     return anchor, int(outer[0]) if len(outer) else edge

@@ -47,17 +47,19 @@ def tell_path_type(branch: Branch, place: int) -> str:
     ----------
     branch : outward. place : index of the point where the path begins.
     """
-    gap = np.hypot(*(branch.points_px[place:] - branch.points_px[place]).T)
-    beyond = np.flatnonzero(gap > _LOOK_RADII * branch.radius_px[place])
-    last = place + (int(beyond[0]) if len(beyond) else len(gap))
+    gap = branch.points_px[place:] - branch.points_px[place]
+    far = np.einsum("ij,ij->i", gap, gap) > (_LOOK_RADII * branch.radius_px[place]) ** 2
+    last = place + (int(far.argmax()) if far[-1] or far.any() else len(far))
     left, right = branch.left[place:last] != OPEN, branch.right[place:last] != OPEN
-    shares = {
-        "MIDLINE": float(np.mean(left & right)),
-        "LEFTWALL": float(np.mean(left & ~right)),
-        "RIGHTWALL": float(np.mean(right & ~left)),
+    size = last - place
+    both = np.count_nonzero(left & right)
+    counts = {
+        "MIDLINE": both,
+        "LEFTWALL": np.count_nonzero(left) - both,
+        "RIGHTWALL": np.count_nonzero(right) - both,
     }
-    best = max(shares, key=lambda name: shares[name])
-    return best if shares[best] >= _STEADY else ""
+    best = max(counts, key=lambda name: counts[name])
+    return best if counts[best] >= _STEADY * size else ""
 
 
 def tell_end_types(

@@ -113,14 +113,14 @@ def find_side_gaps(skeleton: Skeleton, region: Region, *, min_depth_px: float) -
             number = skeleton.nodes[node].exit
             if degree[node] != 1 or number is None:
                 continue
+            exit_ = region.exits[number]
+            if exit_.at_border:
+                continue
             radius, points = branch.radius_px[::-outward], branch.points_px[::-outward]
             gap = np.hypot(*(points - points[0]).T)
             window = radius[gap <= 3.0 * float(np.median(radius))]
             middle = int(np.argmax(window >= 0.95 * window.max()))
             base = Node((float(points[middle, 0]), float(points[middle, 1])), float(radius[middle]))
-            exit_ = region.exits[number]
-            if exit_.at_border:
-                continue
             reach = _reach_beyond(base, exit_.cells.astype(float))
             if exit_.width_px < 1.4 * base.radius_px and reach < min_depth_px:
                 found.append(number)
@@ -177,9 +177,12 @@ def find_closest(
     Beeson 2008, 6.1.1: the nearest point that has a path to the robot through free space.
     """
     points = skeleton.points_px
-    distance = np.hypot(*(points - place_px).T)
-    order = np.argsort(distance, kind="stable")
-    for k in order[:30]:
+    gap = points - place_px
+    distance = np.einsum("ij,ij->i", gap, gap)
+    nearest = int(distance.argmin())
+    if _is_seen(region.inside, place_px, points[nearest]):
+        return _locate(skeleton, nearest)
+    for k in np.argsort(distance, kind="stable")[:30]:
         if _is_seen(region.inside, place_px, points[k]):
             return _locate(skeleton, int(k))
     return _locate(skeleton, _search(region.inside, place_px, points))

@@ -9,6 +9,7 @@ is where the nearest wall changes from one arc to another.
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -307,30 +308,45 @@ def _settle_runs(
 
     The points are rotated so that no stretch runs over the end of the list.
     """
-    open_ = open_.copy()
     speck = 2 * radius_px + max(2.0, 0.3 * min_frontier_px)
+    points, open_ = _rotate(points, open_)
     for wall_first in (True, False):
         if open_.all() or not open_.any():
             break
-        turn = int(np.flatnonzero(open_ != np.roll(open_, 1))[0])
-        points, open_ = np.roll(points, -turn, axis=0), np.roll(open_, -turn)
+        changed = False
         for first, last in _runs(open_):
+            if open_[first] == wall_first:
+                continue
             extent = _extent(points[first:last])
-            if wall_first and not open_[first] and extent < speck and last - first < 2 * speck + 4:
-                open_[first:last] = True
-            elif not wall_first and open_[first]:
+            if wall_first:
+                flip = extent < speck and last - first < 2 * speck + 4
+            else:
                 width = max(extent, 0.5 * (last - first)) + 2 * radius_px + 2
-                if width < max(min_frontier_px, 5.0):  # narrower ones are steps of a slanting wall
-                    open_[first:last] = False
-    if not open_.all() and open_.any():
-        turn = int(np.flatnonzero(open_ != np.roll(open_, 1))[0])
-        points, open_ = np.roll(points, -turn, axis=0), np.roll(open_, -turn)
+                flip = width < max(min_frontier_px, 5.0)  # narrower: steps of a slanting wall
+            if flip:
+                open_[first:last] = wall_first
+                changed = True
+        if changed:
+            points, open_ = _rotate(points, open_)
     return points, open_
+
+
+def _rotate(points: Index, open_: Mask) -> tuple[Index, Mask]:
+    """Return both lists, copied, so that no stretch of equal flags runs over their end."""
+    turn = 0
+    if len(open_) and open_[0] == open_[-1]:
+        turns = np.flatnonzero(open_[1:] != open_[:-1])
+        turn = int(turns[0]) + 1 if len(turns) else 0
+    return (
+        np.concatenate([points[turn:], points[:turn]]),
+        np.concatenate([open_[turn:], open_[:turn]]),
+    )
 
 
 def _extent(points: Index) -> float:
     """Return the distance between the ends of a stretch, ends included."""
-    return float(np.hypot(*(points[-1] - points[0]))) + 1.0
+    (ax, ay), (bx, by) = points[0].tolist(), points[-1].tolist()
+    return math.hypot(bx - ax, by - ay) + 1.0
 
 
 def _as_exit(run: Index, radius_px: float, shape: tuple[int, int]) -> Exit:

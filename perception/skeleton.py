@@ -8,12 +8,15 @@ rough wall, since both sides of such a branch are the same arc. What is left joi
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from perception.cracks import OPEN, Cracks, find_cracks, link_cracks, measure_field, walk_chains
 from perception.geometry import Array
+from perception.kernels import Kernels, get_kernels
 from perception.region import Index, Region
 
 __all__ = ["OPEN", "Branch", "Node", "Skeleton", "build_skeleton", "walk_chains"]
@@ -133,20 +136,32 @@ def build_skeleton(region: Region, *, midline_px: float) -> Skeleton:
     """
     if not len(region.walls):
         return Skeleton()
-    return _trace(region, find_cracks(region, measure_field(region, midline_px)))
+    kernels = get_kernels()
+    cracks = find_cracks(region, measure_field(region, midline_px), kernels)
+    return _trace(region, cracks, kernels)
 
 
-def _trace(region: Region, cracks: Cracks) -> Skeleton:
+def _trace(region: Region, cracks: Cracks, kernels: Kernels | None) -> Skeleton:
     """Join cracks into branches between nodes."""
     beyond, node_of_end = link_cracks(cracks.corners)
     ends, nodes = cracks.corners.ravel(), node_of_end.tolist()
     skeleton = Skeleton()
-    for path, start, last in walk_chains(beyond.tolist(), nodes):
+    if kernels is None:
+        chains = walk_chains(beyond.tolist(), nodes)
+    else:
+        chains = _split_chains(*kernels.follow_chains(beyond, node_of_end))
+    for path, start, last in chains:
         tail, head = nodes[start], nodes[last]
         if tail < 0:
             tail = head = int(ends[start])
         _add_branch(skeleton, region, cracks, path, (tail, head))
     return skeleton
+
+
+def _split_chains(path: Index, first: Index) -> Iterator[tuple[Index, int, int]]:
+    """Yield each chain with its first and its last end."""
+    for start, stop in itertools.pairwise(first.tolist()):
+        yield path[start:stop], int(path[start]), int(path[stop - 1]) ^ 1
 
 
 def _add_branch(

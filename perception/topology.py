@@ -52,6 +52,7 @@ class LocalTopology:
     robot_px : where the robot was taken to stand.
     inside : (H, W) the passable region.
     seconds : what it took.
+    is_narrow : whether the place lies in a narrowing of a path, as in a door.
     """
 
     gateways: tuple[Gateway, ...]
@@ -66,6 +67,13 @@ class LocalTopology:
     robot_px: Point
     inside: Mask
     seconds: float
+    is_narrow: bool = False
+
+    @property
+    def shape(self) -> str | None:
+        """The name of the intersection, if it has one; see :mod:`perception.shapes`."""
+        best = self.readings[0]
+        return name_shape(best.star, best.headings_px, is_narrow=self.is_narrow)
 
     @property
     def star(self) -> Star:
@@ -294,8 +302,20 @@ def _assemble(
         (float(region.start[0]), float(region.start[1])),
         region.inside,
         0.0,
+        _is_narrow(core),
     )
     return replace(topology, seconds=time.perf_counter() - started)
+
+
+def _is_narrow(core: Core) -> bool:
+    """Tell whether a path widens to one and a half on both sides of its one base point."""
+    if len(core.arms) != 2 or len(core.base_radius_px) != 1:
+        return False
+    here = float(core.base_radius_px[0])
+    return all(
+        float(arm.branch.radius_px[arm.branch.steps_px <= 4.0 * here].max()) >= 1.5 * here
+        for arm in core.arms
+    )
 
 
 def topology_to_data(topology: LocalTopology, file: str) -> dict[str, Any]:
@@ -304,7 +324,7 @@ def topology_to_data(topology: LocalTopology, file: str) -> dict[str, Any]:
         "file": file,
         "star": [str(dlp) for dlp in topology.star.dlps],
         "types": list(topology.readings[0].types),
-        "shape": name_shape(topology.star),
+        "shape": topology.shape,
         "gateways": [
             {
                 "centre": _rounded(g.centre_px),

@@ -53,7 +53,18 @@ def test_shapes_have_names_and_tell_mirrors_apart_only_where_they_differ() -> No
     assert names == ["T", "Y", "dead end"]
     assert name_shape(best(*(gate(h) for h in (225, 270, 315, 90)))) == "psi"
     assert name_shape(best(*(gate(h) for h in (270, 315, 45, 90)))) == "K"
-    assert name_shape(best(*(gate(h) for h in (0, 72, 144, 216, 288)))) is None
+    assert name_shape(best(*(gate(h) for h in (0, 72, 144, 216, 288)))) == "five-armed"
+    straight = best(gate(0), gate(180))
+    assert name_shape(straight) == "straight"
+    assert name_shape(straight, is_narrow=True) == "door"
+
+
+@pytest.mark.parametrize(("turn", "name"), [(90, "+"), (78, "+"), (70, "X"), (45, "X"), (130, "X")])
+def test_x_is_a_crossing_off_the_right_angle(turn: int, name: str) -> None:
+    for start in (0, 33, 200, 300):
+        gates = [gate(start + h) for h in (0, turn, 180, turn + 180)]
+        reading = read_stars(gates, (0.0, 0.0))[0]
+        assert name_shape(reading.star, reading.headings_px) == name
 
 
 def test_shifted_corridor_is_two_paths_under_both_tests() -> None:

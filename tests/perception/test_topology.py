@@ -2,6 +2,7 @@
 
 import json
 
+import cv2
 import numpy as np
 import pytest
 
@@ -108,6 +109,118 @@ def test_methods_agree_on_clean_shapes(name: str, method: str, continuity: str) 
         scale(draw_fine(shape, 10, 900), 200), method=method, continuity=continuity
     )
     assert found.star.isomorphisms(shape.truth)
+
+
+NAMES = {"X bent 20": "+", "L": "L"}
+
+
+@pytest.mark.parametrize("name", list(ALL))
+def test_shapes_are_called_by_their_names(name: str) -> None:
+    for turn in (0, 31, 118):
+        found = local_topology(scale(draw_fine(ALL[name], turn, 900), 240))
+        assert found.shape == NAMES.get(name, name)
+
+
+def test_a_door_is_a_narrow_path() -> None:
+    image = blank()
+    image[120:180, :] = 255
+    assert local_topology(image).shape == "straight"
+    image[120:140, 147:153] = image[160:180, 147:153] = 0
+    assert local_topology(image).shape == "door"
+    assert local_topology(image, robot_px=(60, 150)).shape == "straight"
+
+
+@pytest.mark.parametrize("turn", [0, 24, 71])
+@pytest.mark.parametrize("name", list(ALL))
+def test_path_types_in_corridors(name: str, turn: int) -> None:
+    shape = Shape(name, ALL[name].arms_deg, ALL[name].star, 1 / 6)
+    reading = local_topology(scale(draw_fine(shape, turn, 900), 270)).readings[0]
+    assert len(reading.types) == len(reading.star)
+    for dlp, told in zip(reading.star.dlps, reading.types, strict=True):
+        assert told in (("MIDLINE",) if dlp.alpha else ("DEADEND", ""))
+    told = [t for t, dlp in zip(reading.types, reading.star.dlps, strict=True) if not dlp.alpha]
+    if name in ("T", "L", "dead end"):  # straight on in a Y is a narrow wedge
+        assert set(told) == {"DEADEND"}
+
+
+def draw_turned(boxes: list[tuple[int, int, int, int]], turn: float, level: int) -> np.ndarray:
+    """Draw boxes left, top, right, bottom about the middle, turned by some degrees."""
+    image = blank(300, 255 - level)
+    c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+    for left, top, right, bottom in boxes:
+        corners = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
+        turned = corners @ np.array([[c, s], [-s, c]]) + 149.5
+        cv2.fillConvexPoly(image, np.round(turned).astype(np.int32), level)
+    return image
+
+
+@pytest.mark.parametrize("turn", [0, 17, 90, 200])
+def test_path_types_beside_open_space(turn: float) -> None:
+    far = 500
+    hall = draw_turned([(-far, -far, -10, -20), (-far, 20, -10, far)], turn, 0)
+    middle = np.radians(turn)
+    reading = local_topology(
+        hall, robot_px=(149.5 + 22 * np.cos(middle), 149.5 + 22 * np.sin(middle)), midline_px=50
+    ).readings[0]
+    assert reading.star.isomorphisms(ALL["T"].truth), "a corridor opens into a hall"
+    assert sorted(reading.types) == ["LEFTWALL", "MIDLINE", "NONE", "RIGHTWALL"]
+    room = draw_turned([(-far, -far, far, -60), (60, -far, far, far)], turn, 0)
+    reading = local_topology(room, robot_px=(150, 150)).readings[0]
+    assert reading.star.isomorphisms(ALL["L"].truth), "the corner of a large room"
+    assert sorted(reading.types) == ["DEADEND", "DEADEND", "LEFTWALL", "RIGHTWALL"]
+    block = draw_turned([(-far, -far, 0, 0)], turn, 0)
+    out = np.radians(turn + 45)
+    reading = local_topology(
+        block, robot_px=(149.5 + 40 * np.cos(out), 149.5 + 40 * np.sin(out))
+    ).readings[0]
+    assert reading.star.isomorphisms(ALL["L"].truth), "round the corner of a block"
+    assert sorted(reading.types) == ["LEFTWALL", "NONE", "NONE", "RIGHTWALL"]
+
+
+def test_anchors_hold_gateways_where_constrictions_wander() -> None:
+    """As published: the base point follows the robot, and nothing is settled in the bend."""
+    room = draw_turned([(-500, -500, 500, -70), (70, -500, 500, 500)], 12, 0)
+    spread = {}
+    for method in ("anchor", "constriction"):
+        found = [
+            local_topology(room, robot_px=robot, method=method, base="closest")
+            for robot in ((150, 150), (140, 148), (150, 165), (160, 175))
+        ]
+        centres = np.array([[g.centre_px for g in one.gateways] for one in found])
+        spread[method] = np.ptp(centres, axis=0).max()
+        anchors = [g.anchor_px for one in found for g in one.gateways]
+        assert all((a is not None) == (method == "anchor") for a in anchors)
+        if method == "anchor":
+            assert np.ptp(np.array(anchors), axis=0).max() < 3, "the virtual corner anchors both"
+            column, row = np.round(anchors[0]).astype(int)
+            assert room[row, column] == 255, "there is no wall there"
+    assert spread["anchor"] < 4
+    assert spread["constriction"] > 20
+
+
+@pytest.mark.parametrize("name", ["+", "T", "L", "Y", "X"])
+def test_all_as_published_reads_clean_shapes(name: str) -> None:
+    shape = Shape(name, ALL[name].arms_deg, ALL[name].star, 1 / 5)
+    for method in ("anchor", "constriction"):
+        found = local_topology(
+            scale(draw_fine(shape, 10, 900), 240),
+            method=method,
+            direction="heading",
+            base="closest",
+            continuity="ray",
+        )
+        assert found.star.isomorphisms(shape.truth), method
+        errors = direction_errors([g.outward_rad for g in found.gateways], shape, 10)
+        assert np.abs(errors).max() < 12
+
+
+def test_anchor_of_a_crossing_is_the_corner_of_a_wall() -> None:
+    image = blank()
+    image[130:170, :] = image[:, 130:170] = 255
+    for gateway in local_topology(image).gateways:
+        x, y = gateway.anchor_px or (0, 0)
+        assert min(abs(x - 130), abs(x - 169)) <= 2
+        assert min(abs(y - 130), abs(y - 169)) <= 2
 
 
 def test_robot_off_the_crossing_is_on_a_path() -> None:
@@ -266,6 +379,12 @@ def test_lpm_of_a_half_circle_lidar(name: str) -> None:
         (blank(50, 255), {"resolution_m": 0.1, "min_depth_m": -1}, "zero or more"),
         (draw_ring(), {"robot_px": (75, 150), "method": "guess"}, "'anchor' or 'constriction'"),
         (draw_ring(), {"robot_px": (75, 150), "continuity": "luck"}, "'angle' or 'ray'"),
+        (draw_ring(), {"robot_px": (75, 150), "direction": "up"}, "'fit' or 'heading'"),
+        (draw_ring(), {"robot_px": (75, 150), "base": "here"}, "'settled' or 'closest'"),
+        (blank(50, 255), {"resolution_m": float("nan")}, "more than zero"),
+        (blank(50, 255), {"resolution_m": 0.1, "robot_radius_m": float("inf")}, "zero or more"),
+        (np.full((50, 1), 255, np.uint8), {}, "at least 3 x 3"),
+        (np.zeros((0, 0), np.uint8), {}, "at least 3 x 3"),
     ],
 )
 def test_bad_input_is_told(image: np.ndarray, options: dict, message: str) -> None:
@@ -280,7 +399,8 @@ def test_data_can_be_written_as_json() -> None:
     assert len(data["gateways"]) == 3
     assert data["star"] == [str(dlp) for dlp in found.star.dlps]
     assert data["at_place"] is True
-    assert {"centre", "ends", "outward"} <= set(data["gateways"][0])
+    assert {"centre", "ends", "outward", "anchor"} <= set(data["gateways"][0])
+    assert sorted(data["types"]) == ["DEADEND", "MIDLINE", "MIDLINE", "MIDLINE"]
     assert data["readings"][0]["weight"] == 1
 
 
