@@ -27,6 +27,8 @@ from perception.virtual_walls import Sides, VirtualWalls, is_open, see_virtual_w
 
 Method = Literal["anchor", "constriction"]
 Direction = Literal["fit", "heading"]
+_LEADS_FAR = 2.0
+"""Beyond this multiple of the least depth, a branch is the surer the farther it leads."""
 Point = tuple[float, float]
 
 _AT_EDGE = 0.06
@@ -269,11 +271,16 @@ def _as_gateway(
 
 
 def _confide(arm: Arm, depth_px: float, min_frontier_px: float, min_depth_px: float) -> float:
-    """Return how far frontier and depth are above their limits, as 0.5 (at one) to 1."""
+    """Return how far frontier and depth are above their limits, as 0.5 (at one) to 1.
+
+    A narrow frontier raises no doubt about a branch that is known to lead far.
+    """
     if arm.frontier_px <= 0:
         return 1.0  # a loop: it leads back here
+    far = max(depth_px / min_depth_px - _LEADS_FAR, 0.0) if min_depth_px > 0 else 0.0
+    width_px = arm.frontier_px + far * min_frontier_px
     sure = 1.0
-    for value, limit in ((arm.frontier_px, min_frontier_px), (depth_px, min_depth_px)):
+    for value, limit in ((width_px, min_frontier_px), (depth_px, min_depth_px)):
         if limit > 0:
             sure *= 1.0 - 0.5 * math.exp(-2.0 * max(value / limit - 1.0, 0.0))
     return sure

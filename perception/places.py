@@ -2,11 +2,12 @@
 
 The robot keeps its scrolling LPM, reads the local topology every half metre, and is *on-path* while
 that topology is two gateways on one local-path; otherwise it suspects a place. A place is
-committed only when several readings of the LPM agree on where it is; its star is then voted for by
-all of them, and the runner-ups are kept as alternative readings.
+committed only when several readings of the LPM agree on where it is. Once the robot has left, the
+scans of the whole passage are drawn into one map about the place; its star is voted for by readings
+of that map, and the runner-ups are kept as alternative readings.
 
 Source: Beeson 2008, section 5.3.2 (on-path test, confirmation before a place is committed).
-Grouping by base point, voting and the runner-ups are ours.
+Grouping by base point, the map of the passage, voting and the runner-ups are ours.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 from perception.geometry import Array
 from perception.grid import Frame, Image
 from perception.lpm import LocalMap
+from perception.revisit import look_again, map_passage
 from perception.scanlog import ScanLog
 from perception.sightings import PlaceSettings, Sighting, read_sightings, read_topology
 from perception.voting import PlaceReading, vote_star
@@ -65,10 +67,6 @@ class _Candidate:
     sightings: list[Sighting] = field(default_factory=list)
     reviews: list[Sighting] = field(default_factory=list)
     denials: int = 0
-    tile: Image | None = None
-    tile_frame: Frame | None = None
-    tile_distance_m: float = np.inf
-
     reviewed_m: float = 0.0
 
     def review(
@@ -120,11 +118,7 @@ def detect_places(
     open_, done = list[_Candidate](), list[_Candidate]()
     for sighting, scan, local in read_sightings(log, poses, settings, progress):
         if sighting is not None:
-            candidate = _assign(sighting, open_, settings)
-            distance = float(np.hypot(*(sighting.pose[:2] - sighting.centre_m)))
-            if distance <= candidate.tile_distance_m:
-                candidate.tile, candidate.tile_frame = local.image(), local.frame
-                candidate.tile_distance_m = distance
+            _assign(sighting, open_, settings)
         for candidate in list(open_):
             away = float(np.hypot(*(poses[scan, :2] - candidate.centre_m)))
             candidate.review(scan, away, poses, local, settings)
@@ -136,12 +130,11 @@ def detect_places(
     done += open_
     confirmed = [c for c in done if c.is_confirmed(settings)]
     passages = _merge_returns([_passage(c, poses) for c in confirmed], poses, settings)
-    field_rad = float(np.ptp(log.angles_rad))
-    visits = (_commit(p, poses, settings, field_rad) for p in passages)
+    visits = (_commit(p, log, poses, settings) for p in passages)
     return tuple(visit for visit in visits if visit is not None)
 
 
-def _assign(sighting: Sighting, open_: list[_Candidate], settings: PlaceSettings) -> _Candidate:
+def _assign(sighting: Sighting, open_: list[_Candidate], settings: PlaceSettings) -> None:
     """Give the sighting to the nearest open candidate, or open a new one."""
     near = min(
         open_, key=lambda c: float(np.hypot(*(c.centre_m - sighting.centre_m))), default=None
@@ -151,7 +144,6 @@ def _assign(sighting: Sighting, open_: list[_Candidate], settings: PlaceSettings
         near = _Candidate()
         open_.append(near)
     near.sightings.append(sighting)
-    return near
 
 
 @dataclass
@@ -196,8 +188,6 @@ def _merge_returns(
             before.candidate.sightings + passage.candidate.sightings,
             before.candidate.reviews + passage.candidate.reviews,
         )
-        best = min((before.candidate, passage.candidate), key=lambda c: c.tile_distance_m)
-        both.tile, both.tile_frame = best.tile, best.tile_frame
         main = max(before, passage, key=lambda p: len(p.candidate.sightings))
         out[-1] = _Passage(
             both,
@@ -222,7 +212,7 @@ def _is_return(a: _Passage, b: _Passage, poses: Array, settings: PlaceSettings) 
 
 
 def _commit(
-    passage: _Passage, poses: Array, settings: PlaceSettings, field_rad: float
+    passage: _Passage, log: ScanLog, poses: Array, settings: PlaceSettings
 ) -> PlaceVisit | None:
     """Vote for the star, find how the robot came and went, and build the visit."""
     candidate, centre = passage.candidate, passage.centre_m
@@ -231,9 +221,14 @@ def _commit(
     if passage.first > 0:
         entry = _bearing(poses, passage.first, -1, centre)
     else:
-        entry = _guess_entry(poses[: passage.last + 1, 2], field_rad)
-    readings = vote_star(candidate.sightings, candidate.reviews, centre, entry, leave, settings)
-    if not readings or candidate.tile is None or candidate.tile_frame is None:
+        entry = _guess_entry(poses[: passage.last + 1, 2], float(np.ptp(log.angles_rad)))
+    local = map_passage(log, poses, centre, passage.nearest, settings)
+    span = passage.first, passage.nearest, passage.last
+    again = look_again(local, poses, centre, span, settings)
+    readings = vote_star([], again, centre, entry, leave, settings) if again else ()
+    if not readings:
+        readings = vote_star(candidate.sightings, candidate.reviews, centre, entry, leave, settings)
+    if not readings:
         return None
     return PlaceVisit(
         passage.nearest,
@@ -242,8 +237,8 @@ def _commit(
         centre,
         passage.radius_m,
         readings,
-        candidate.tile,
-        candidate.tile_frame,
+        local.image(),
+        local.frame,
     )
 
 

@@ -1,0 +1,89 @@
+"""Looking at a place again once the robot has left it: one map of the whole passage.
+
+While the robot drives, its map shows what lies ahead and what it has passed, so two passages in
+opposite directions show different halves of one crossing. A map centred on the place, of all scans
+taken on the way to it and away from it, is much the same from whichever side it was entered.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from perception.geometry import Array
+from perception.lpm import LocalMap
+from perception.scanlog import ScanLog
+from perception.sightings import PlaceSettings, Sighting, read_topology
+
+REACH_M = 7.0
+"""Scans taken nearer than this to the centre, without a break, make the map."""
+
+MOST_SCANS = 80
+"""Of more scans than this, evenly chosen ones make the map."""
+
+ASIDE_M = 0.3
+"""The local topology is read at the centre, and so far from it to four sides."""
+
+ON_WAY_M, MOST_ON_WAY = 1.5, 3
+"""It is read as well where the robot was, so near to the centre, at so many poses."""
+
+SAME_M = 2.0
+"""What is read further than this from the centre is another place."""
+
+
+def map_passage(
+    log: ScanLog, poses: Array, centre_m: Array, scan: int, settings: PlaceSettings
+) -> LocalMap:
+    """Draw the surroundings of a place from all scans of one passage.
+
+    Parameters
+    ----------
+    log : the scans. poses : (n, 3) of the laser, drive frame.
+    centre_m : (2,) of the place, drive frame. scan : one taken in the place.
+
+    Source
+    ------
+    Ours.
+    """
+    near = np.hypot(*(poses[:, :2] - centre_m).T) < REACH_M
+    first = last = scan
+    while first > 0 and near[first - 1]:
+        first -= 1
+    while last < len(poses) - 1 and near[last + 1]:
+        last += 1
+    local = LocalMap(settings.lpm_m, settings.cell_m, settings.range_cap_m)
+    local.scroll_to(centre_m)
+    count = min(last - first + 1, MOST_SCANS)
+    for i in np.linspace(first, last, count).round().astype(int):
+        local.add_scan(poses[i], log.ranges_m[i], log.angles_rad)
+    return local
+
+
+def look_again(
+    local: LocalMap,
+    poses: Array,
+    centre_m: Array,
+    passage: tuple[int, int, int],
+    settings: PlaceSettings,
+) -> list[Sighting]:
+    """Read the local topology of a place in the map of its passage, from a few points in it.
+
+    Parameters
+    ----------
+    local : see :func:`map_passage`. poses : (n, 3) of the laser, drive frame.
+    centre_m : (2,) of the place, drive frame.
+    passage : the first scan of the passage, the one nearest to the centre, and the last.
+
+    Source
+    ------
+    Ours.
+    """
+    first, nearest, last = passage
+    sides = np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]], float)
+    points = list(np.asarray(centre_m, float) + ASIDE_M * sides)
+    way = poses[first : last + 1, :2]
+    way = way[np.hypot(*(way - centre_m).T) < ON_WAY_M]
+    if len(way):
+        chosen = np.linspace(0, len(way) - 1, min(len(way), MOST_ON_WAY)).round().astype(int)
+        points += list(way[chosen])
+    found = (read_topology(nearest, poses, local, settings, at_m=point) for point in points)
+    return [s for s in found if s is not None and np.hypot(*(s.centre_m - centre_m)) < SAME_M]
