@@ -249,7 +249,7 @@ def _enumerate(
                 variant_program(
                     experience, variant, order=order, planarity=planarity, visits=count
                 ),
-                make_converter(len(experience), readings),
+                make_converter(count, readings),
                 limit=limit,
                 budget_s=budget_s,
                 options=_QUICK,
