@@ -12,13 +12,14 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from hssh_kb.errors import InputError
-from hssh_kb.experience import Experience
+from hssh_kb.experience import Experience, Visit
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.place_graph import Place, PlaceGraph, build_place_graph
 from hssh_kb.ranking import MapRow, RankedBy, RankedMaps, rank_maps, tabulate_maps
 from hssh_kb.records import BuildRecord, PlaceLayout, Raster, Trajectory
 
 if TYPE_CHECKING:
+    from hssh_kb.change_of_mind import ChangeOfMind
     from hssh_kb.check import Check, NewPlace
     from hssh_kb.explore import Exploration, Strategy
     from hssh_kb.query import QueryAnswer
@@ -130,6 +131,20 @@ class KnowledgeBase:
     def maps(self, **options: Any) -> RankedMaps:  # noqa: ANN401
         """Return the stored ranking, or a new one if options of :func:`rank_maps` are given."""
         return rank_maps(self.experience, **options) if options else self.ranked
+
+    def extend(
+        self, visit: Visit, *, depart: int | None = None
+    ) -> tuple[KnowledgeBase, ChangeOfMind | None]:
+        """Take in one more visit; see :func:`hssh_kb.live_map.extend_kb`.
+
+        Raises
+        ------
+        InputError : the way out of the visit before is not known, or the visit lacks what a
+            travel needs.
+        """
+        from hssh_kb.live_map import extend_kb
+
+        return extend_kb(self, visit, depart=depart)
 
     def hypothesis(self, number: int = 1) -> Hypothesis:
         """Return the map with a number (its line in the list of maps, from 1).

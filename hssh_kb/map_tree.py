@@ -216,7 +216,32 @@ def score_hypothesis(experience: Experience, hypothesis: Hypothesis, score: Scor
     ------
     Ours.
     """
-    tree = MapTree(score, order=False, planarity=False)
+    tree, node = grow_hypothesis(experience, hypothesis, score, order=False, planarity=False)
+    found = tree.hypothesis(node)
+    return replace(hypothesis, log_posterior=found.log_posterior, terms=found.terms)
+
+
+def grow_hypothesis(
+    experience: Experience,
+    hypothesis: Hypothesis,
+    score: Score,
+    *,
+    order: bool = True,
+    planarity: bool = True,
+) -> tuple[MapTree, Node]:
+    """Return a tree that holds one map only, and its node; what the axioms refuse is kept.
+
+    Parameters
+    ----------
+    experience, hypothesis : the map, and the visits it is of (it may lack the latest ones).
+    score : parameters of the log posterior.
+    order, planarity : the axioms by which later visits are judged.
+
+    Raises
+    ------
+    InputError : the hypothesis does not fit the experience (visits, readings or offsets).
+    """
+    tree = MapTree(score, order=order, planarity=planarity)
     node: Node | None = None
     number: dict[int, int] = {}
     for v, first in enumerate(hypothesis.visits):
@@ -233,5 +258,4 @@ def score_hypothesis(experience: Experience, hypothesis: Hypothesis, score: Scor
         node = tree.child(node, option._replace(refusal=None))
     if node is None:
         raise InputError("hypothesis: has no visits")
-    found = tree.hypothesis(node)
-    return replace(hypothesis, log_posterior=found.log_posterior, terms=found.terms)
+    return tree, node
