@@ -6,6 +6,7 @@ data of buildings come in. Line formats: :mod:`perception.carmen_lines`.
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 from typing import Literal
@@ -37,7 +38,8 @@ def read_carmen(path: str | os.PathLike[str], *, poses: PoseKind = "auto") -> Sc
     poses : what the poses in the laser lines are. ``"auto"`` finds out: logs rewritten by a
         mapper hold corrected poses there, and their ODOM lines are re-based at every scan, so
         raw odometry is chained from the motions between lines, leaving out each jump into a
-        scan. ``"corrected"`` and ``"odometry"`` settle it.
+        scan. Laser lines inside a pose graph (g2o) hold optimised poses, its edges from one
+        vertex to the next the raw ones. ``"corrected"`` and ``"odometry"`` settle it.
 
     Returns
     -------
@@ -161,6 +163,9 @@ def _interpret_poses(
 ) -> tuple[Array | None, Array | None]:
     """Return odometry and corrected poses (n, 3) of the laser; either may be None."""
     laser = _wrap(np.array([scan.laser for scan in scans]))
+    in_graph = bool(lines.steps) and all(scan.line in lines.vertices for scan in scans)
+    if in_graph and poses != "odometry":
+        return _chain_steps(lines, scans, laser), laser
     robot = _wrap(np.array([scan.robot for scan in scans]))
     mount = between(robot, laser)
     spread = _wrap(mount - mount[:1])
@@ -172,6 +177,19 @@ def _interpret_poses(
         return _odometry_of_scans(lines, laser), None
     chained = _chain_odometry(lines)
     return (None if _lacks_motion(chained, laser) else chained), laser
+
+
+def _chain_steps(lines: Lines, scans: list[Scan], laser: Array) -> Array:
+    """Chain the measured motions between the vertices of consecutive scans: (n, 3) poses.
+
+    Where a motion was not measured, that between the optimised poses stands for it.
+    """
+    at = [lines.vertices[scan.line] for scan in scans]
+    motions = between(laser[:-1], laser[1:])
+    for k, ends in enumerate(itertools.pairwise(at)):
+        if ends in lines.steps:
+            motions[k] = lines.steps[ends]
+    return np.asarray(chain_motions(motions), float)
 
 
 def _wrap(poses: Array) -> Array:

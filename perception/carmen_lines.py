@@ -67,12 +67,16 @@ class Lines:
     parameters : PARAM values as text, the last one standing.
     faults : line number and reason of each line that was skipped.
     is_rewritten : the log has lines that only a mapper writes (NEFF).
+    vertices : of a pose graph with scans (g2o): the number of the vertex of each laser message, by
+        line. steps : the measured motion between two vertices, first to second.
     """
 
     events: list[Scan | Odometry] = field(default_factory=list)
     parameters: dict[str, str] = field(default_factory=dict)
     faults: list[tuple[int, str]] = field(default_factory=list)
     is_rewritten: bool = False
+    vertices: dict[int, int] = field(default_factory=dict)
+    steps: dict[tuple[int, int], Pose] = field(default_factory=dict)
 
     def scans(self) -> list[Scan]:
         """Return the laser messages only."""
@@ -97,6 +101,7 @@ class _LineError(ValueError):
 def parse_lines(data: bytes) -> Lines:
     """Parse the text of a log; lines that cannot be read are noted in ``faults`` and skipped."""
     lines = Lines()
+    vertex: int | None = None
     for number, raw in enumerate(data.splitlines(), start=1):
         tokens = raw.split()
         if not tokens or tokens[0].startswith(b"#"):
@@ -109,8 +114,14 @@ def parse_lines(data: bytes) -> Lines:
                 lines.events.append(_parse_flaser(number, tokens))
             elif kind == b"ROBOTLASER1":
                 lines.events.append(_parse_robotlaser(number, tokens))
+                if vertex is not None:
+                    lines.vertices[number] = vertex
             elif kind == b"PARAM":
                 _parse_parameter(tokens, lines.parameters)
+            elif kind == b"VERTEX_SE2":
+                vertex = _parse_vertex(tokens)
+            elif kind == b"EDGE_SE2":
+                _parse_edge(tokens, lines.steps)
             elif kind == b"NEFF":
                 lines.is_rewritten = True
             elif kind not in _IGNORED:
@@ -236,6 +247,22 @@ def _parse_robotlaser(number: int, tokens: list[bytes]) -> Scan:
         max_m=max_m,
         tail=0,
     )
+
+
+def _parse_vertex(tokens: list[bytes]) -> int:
+    """``VERTEX_SE2 id x y theta``; the pose stands in the laser line that follows, too."""
+    if len(tokens) != 5:
+        raise _LineError(f"VERTEX_SE2 with {len(tokens)} fields instead of 5")
+    return _read_count(tokens[1], "vertex")
+
+
+def _parse_edge(tokens: list[bytes], steps: dict[tuple[int, int], Pose]) -> None:
+    """``EDGE_SE2 i j dx dy dtheta`` and six entries of the information matrix."""
+    if len(tokens) != 12:
+        raise _LineError(f"EDGE_SE2 with {len(tokens)} fields instead of 12")
+    ends = _read_count(tokens[1], "vertex"), _read_count(tokens[2], "vertex")
+    (motion,) = _read_poses(tokens[3:6])
+    steps.setdefault(ends, motion)
 
 
 def _parse_parameter(tokens: list[bytes], parameters: dict[str, str]) -> None:

@@ -303,3 +303,18 @@ def test_one_scan_of_a_rewritten_log_is_enough(tmp_path):
     log = read_carmen(write_text(tmp_path / "a.log", text))
     assert log.corrected.tolist() == [[1, 2, 0.5]]
     assert log.odometry.tolist() == [[0, 0, 0]]
+
+
+def test_scans_inside_a_pose_graph_have_both_kinds_of_poses(tmp_path):
+    text, truth = "", [[0.0, 0.0, 0.0], [1.1, 0.0, 0.1], [2.3, 0.2, 0.1]]
+    for k, (x, y, theta) in enumerate(truth):
+        pose = f"{x} {y} {theta}"
+        text += f"VERTEX_SE2 {k} {pose}\nROBOTLASER1 0 -1.57 3.14 0.785 50 0.1 0 5 2 3 4 3 2 0 "
+        text += f"{pose} {pose} 0 0 0 0 0 {k}.5 host {k}.5\n"
+    text += "#LOOP\nEDGE_SE2 0 2 2.3 0.2 0.1 1 0 0 1 0 1\nEDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\n"
+    log = read_carmen(write_text(tmp_path / "graph.g2o", text))
+    assert not log.notices
+    assert np.allclose(log.corrected, truth)
+    measured = between(log.odometry[:-1], log.odometry[1:])
+    assert np.allclose(measured[0], [1.0, 0.0, 0.0])
+    assert np.allclose(measured[1], between(np.array(truth[1]), np.array(truth[2])))
