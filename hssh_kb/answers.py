@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +12,7 @@ from hssh_kb.place_graph import PlaceGraph
 from hssh_kb.ranking import MapRow, RankedMaps, tabulate_maps
 
 if TYPE_CHECKING:
+    from hssh_kb.change_of_mind import ChangeOfMind
     from hssh_kb.check import Check
     from hssh_kb.kb import KnowledgeBase
     from hssh_kb.route import Route
@@ -18,8 +21,12 @@ if TYPE_CHECKING:
 Document = dict[str, Any]
 
 
-def document_maps(experience: Experience, ranked: RankedMaps) -> Document:
-    """Return the ``hssh.maps/1`` document of a ranking."""
+def document_maps(
+    experience: Experience,
+    ranked: RankedMaps,
+    changes: Sequence[ChangeOfMind] | None = None,
+) -> Document:
+    """Return the ``hssh.maps/1`` document of a ranking, with the changes of mind if asked for."""
     document: Document = {
         "schema": "hssh.maps/1",
         "consistent": ranked.consistent,
@@ -34,7 +41,23 @@ def document_maps(experience: Experience, ranked: RankedMaps) -> Document:
     if ranked.ranked_by == "minimal":
         document["minimal"] = ranked.minimality
         document["policy"] = ranked.policy
+    if changes is not None:
+        document["changes"] = [_document_change(change) for change in changes]
     return document
+
+
+def _document_change(change: ChangeOfMind) -> Document:
+    return {
+        "visit": f"v{change.visit}",
+        "text": change.text,
+        "beliefs": [
+            {"visit": f"v{b.visit}", "before": f"P{b.before}", "after": f"P{b.after}"}
+            for b in change.beliefs
+        ],
+        "axiom": change.refusal.axiom if change.refusal else None,
+        "travels": [f"v{v}" for v in change.refusal.travels] if change.refusal else [],
+        "lost_nats": round(change.lost_nats, 3) if math.isfinite(change.lost_nats) else None,
+    }
 
 
 def _document_row(row: MapRow) -> Document:

@@ -51,7 +51,8 @@ class ChangeOfMind:
     beliefs : the visits that the two put at other places.
     refusal : the axiom that keeps the former favourite from what the displacement calls for,
         and the travels that stand against it; None if it was outdone without being refuted.
-    lost_nats : how much less probable the former favourite is now, at its best.
+    lost_nats : how much less probable the former favourite is now, at its best; infinite if no
+        map grows out of it.
     text : one or two sentences for all of it, in the user's names.
     """
 

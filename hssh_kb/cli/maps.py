@@ -22,6 +22,7 @@ from hssh_kb.cli.variants import add_variant, refuse_variant, take_variant, use_
 from hssh_kb.errors import UsageError
 
 if TYPE_CHECKING:
+    from hssh_kb.change_of_mind import ChangeOfMind
     from hssh_kb.experience import Experience
     from hssh_kb.ranking import MapRow, RankedMaps
 
@@ -43,6 +44,7 @@ EXAMPLES = """\
   hssh maps walk.json --all --json             every consistent map, as one document
   hssh maps walk.json --minimal subset         subset-minimal maps
   hssh maps office.hssh --best 3 -v            three maps, with the terms of their scores
+  hssh maps walk.json --changes                which beliefs changed on the way, and why
   hssh maps walk.json --policy places-then-paths  fewest places first
   hssh maps walk.json --query 'at(V,P), on(H,P)'  what holds in every map, and in how many
   hssh maps walk.json --without 13             without the axiom that the way back leads back
@@ -79,6 +81,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="leave aside the path types a trace may tell (as is done with displacements)",
     )
     parser.add_argument("--no-order", action="store_true", help="allow circular paths")
+    parser.add_argument(
+        "--changes",
+        action="store_true",
+        help="also how the favourite changed as the visits arrived one by one, and why",
+    )
     add_variant(parser, weaken=True)
     add_budget(parser, None, told=f"{DEFAULT_BUDGET_S:g}")
     parser.add_argument(
@@ -133,13 +140,31 @@ def run(args: argparse.Namespace) -> int:
             )
     if ranked.ranked_by == "posterior" and not variant.is_plain:
         tell_notices([variant.tell(probable=True)])
+    changes = _find_changes(experience, ranked) if args.changes else None
     if args.json:
-        print_json(document_maps(experience, ranked))
+        print_json(document_maps(experience, ranked, changes))
     else:
         print(_format_maps(experience, ranked, verbose=args.verbose))
+        if changes is not None:
+            print("\n".join(["", *_format_changes(changes)]))
     if ranked.inconsistent_from is not None:
         return 1
     return 4 if ranked.budget_spent else 0
+
+
+def _find_changes(experience: Experience, ranked: RankedMaps) -> Sequence[ChangeOfMind]:
+    from hssh_kb.live_map import list_changes_of_mind
+
+    if ranked.ranked_by != "posterior":
+        raise UsageError("--changes needs displacements: without them all visits count at once")
+    with show_progress("retracing the changes of mind"):
+        return list_changes_of_mind(experience)
+
+
+def _format_changes(changes: Sequence[ChangeOfMind]) -> list[str]:
+    if not changes:
+        return ["The favourite never changed: each best map grew out of the one before it."]
+    return [line for change in changes for line in wrap_words(f"- {change.text}", 92)]
 
 
 def _format_maps(experience: Experience, ranked: RankedMaps, *, verbose: bool) -> str:
