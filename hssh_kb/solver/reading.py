@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -123,9 +124,11 @@ def answer_query(
     BudgetError : the budget was spent.
     """
     messages: list[str] = []
+    complaints: list[str] = []
     rules: list[ast.AST] = []
 
     def log(_: clingo.MessageCode, message: str) -> None:
+        complaints.append(message)
         messages.append(message.strip().splitlines()[0].partition("error: ")[2] or message.strip())
 
     try:
@@ -150,9 +153,22 @@ def answer_query(
         control.add("base", [], "".join(f"#defined {n}/{a + 1}. " for n, a in known))
         control.ground([("base", [])], context=_Watch(budget_s))
     except RuntimeError:
-        raise ValueError(f"cannot be answered ({'; '.join(messages)})") from None
+        told = _tell_unsafe(complaints) or f"cannot be answered ({'; '.join(messages)})"
+        raise ValueError(told) from None
     atoms = control.symbolic_atoms.by_signature("answer", len(variables) + 1)
     return variables, [tuple(map(show_term, atom.symbol.arguments)) for atom in atoms]
+
+
+def _tell_unsafe(messages: Sequence[str]) -> str:
+    """Return which variables are unsafe, in words; empty if that is not the trouble."""
+    found = dict.fromkeys(re.findall(r"'(\w+)' is unsafe", "\n".join(messages)))
+    if not found:
+        return ""
+    names = ", ".join(found)
+    return (
+        f"unsafe: nothing says which values {names} may take; each variable must also occur in a "
+        "predicate that is not negated"
+    )
 
 
 _INDEX = "SetOfFacts"
@@ -213,6 +229,12 @@ class _IndexQuery(ast.Transformer):
             raise ValueError(f"{node} is no atom of a map")
         key = (term.name, len(term.arguments))
         if key not in self.known:
+            arities = sorted(arity for name, arity in self.known if name == term.name)
+            if arities:
+                raise ValueError(
+                    f"{term.name} takes {' or '.join(map(str, arities))} "
+                    f"argument{'s' * (arities != [1])}, not {key[1]}"
+                )
             near = get_close_matches(term.name, sorted({name for name, _ in self.known}), 1)
             hint = f"; did you mean {near[0]}?" if near else ""
             raise ValueError(f"there is no predicate {key[0]}/{key[1]}{hint}")
@@ -220,6 +242,22 @@ class _IndexQuery(ast.Transformer):
         self.visit_children(node)
         index = ast.Variable(term.location, _INDEX)
         return node.update(symbol=term.update(arguments=[index, *term.arguments]))
+
+    def visit_Interval(self, node: ast.AST) -> ast.AST:  # noqa: N802
+        """Refuse intervals, which could be of any length."""
+        raise ValueError(f"{node}: intervals are not understood; compare instead, as in V >= 1")
+
+    def visit_Function(self, node: ast.AST) -> ast.AST:  # noqa: N802
+        """Refuse calls of functions."""
+        if node.external:
+            raise ValueError(f"{node}: functions are not called")
+        return node.update(**self.visit_children(node))
+
+    def visit_BinaryOperation(self, node: ast.AST) -> ast.AST:  # noqa: N802
+        """Refuse powers, which no number of a map needs."""
+        if node.operator_type == ast.BinaryOperator.Power:
+            raise ValueError(f"{node}: powers are not understood")
+        return node.update(**self.visit_children(node))
 
     def visit_Variable(self, node: ast.AST) -> ast.AST:  # noqa: N802
         """Note a variable."""

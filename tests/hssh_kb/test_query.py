@@ -65,7 +65,7 @@ def test_each_predicate_of_the_vocabulary_has_answers(name):
         ("", "is empty"),
         ("at(V", "cannot be read"),
         ("att(V,P)", "did you mean at?"),
-        ("at(V)", "there is no predicate at/1"),
+        ("at(V)", "at takes 2 arguments, not 1"),
         ("not at(V,P)", "not negated"),
         ("at(V,P), X > 3", "unsafe"),
         ("at(V,P). at(V,P)", "one conjunction"),
