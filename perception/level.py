@@ -9,15 +9,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
+import cv2
 import numpy as np
 
-from perception.continuity import read_stars
 from perception.errors import InputError
 from perception.gateways import Gateway
 from perception.geometry import Array
+from perception.grid import OCCUPIED, Image
 from perception.topology import LocalTopology
 
 Doors = Literal["keep", "ignore"]
@@ -93,46 +94,48 @@ class Level:
         return max(self.min_width_m, self.min_frontier_m, self.min_depth_m) <= 0
 
 
-def filter_gateways(
+def close_gateways(
+    image: Image,
     topology: LocalTopology,
     level: Level,
     resolution_m: float,
     way_px: Array | None = None,
-) -> LocalTopology:
-    """Leave out the gateways that do not count at a level, and read the star anew.
+) -> Image | None:
+    """Shut the gateways that do not count at a level, as if each were a door.
 
     Parameters
     ----------
-    topology : as found. resolution_m : side of its pixels.
+    image : (H, W) uint8, what the topology was found in.
+    resolution_m : side of its cells.
     way_px : (n, 2) points that the robot drove by, pixels, in order; a gateway that it went
         through counts whatever it is like.
 
     Returns
     -------
-    The same object if all of them count.
+    A copy of the image with walls across those gateways; None if all of them count.
 
     Source
     ------
-    Ours.
+    Ours. What lies behind a shut gateway is no part of the place any more: what was a crossing may
+    be a bare path, a dead end may turn up behind it.
     """
-    if level.admits_all:
-        return topology
-    kept = tuple(
+    shut = [
         g
         for g in topology.gateways
-        if level.admits(
-            g.width_px * resolution_m,
+        if not level.admits(
+            (g.width_px - 1.0) * resolution_m,  # between the faces of the walls
             g.frontier_px * resolution_m if g.frontier_px > 0 else math.inf,  # a loop
             g.depth_px * resolution_m if g.frontier_px > 0 else math.inf,
         )
-        or (way_px is not None and is_crossed(g, way_px))
-    )
-    if len(kept) == len(topology.gateways):
-        return topology
-    x, y = topology.base_px.mean(axis=0).tolist()
-    readings = read_stars(kept, (x, y))
-    at_place = readings[0].star.alpha != (1, 1)
-    return replace(topology, gateways=kept, readings=readings, at_place=at_place)
+        and not (way_px is not None and is_crossed(g, way_px))
+    ]
+    if not shut:
+        return None
+    closed = image.copy()
+    for gateway in shut:
+        one, other = (tuple(round(v) for v in end) for end in gateway.ends_px)
+        cv2.line(closed, one, other, OCCUPIED, 1)
+    return closed
 
 
 def is_crossed(gateway: Gateway, way_px: Array | Sequence[tuple[float, float]]) -> bool:

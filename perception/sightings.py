@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.errors import InputError
+from perception.evidence import weigh_gateways
 from perception.geometry import Array, wrap_angle
-from perception.grid import Frame
-from perception.level import Level, filter_gateways
+from perception.grid import Frame, Image
+from perception.level import Level, close_gateways
 from perception.lpm import LocalMap
 from perception.scanlog import ScanLog
 from perception.star import Star
@@ -21,6 +22,9 @@ from perception.topology import LocalTopology, local_topology
 
 LEAST_SHARE = 0.25
 """Readings that say "place" with less probability than this are readings of a path."""
+
+_MOST_SHUT = 4
+"""Behind a door that is shut another may turn up, but not without end."""
 
 
 @dataclass(frozen=True)
@@ -137,24 +141,13 @@ def read_topology(
     -------
     None on what is most likely a bare path, and where no gateway search is possible.
     """
-    image, frame, pose = local.image(), local.frame, poses[scan].copy()
+    frame, pose = local.frame, poses[scan].copy()
     column, row = frame.to_pixels(pose[:2] if at_m is None else at_m)
+    way_px = frame.to_pixels(_list_nearby(poses, scan, settings.lpm_m))
     try:
-        topology = local_topology(
-            image,
-            robot_px=(float(column), float(row)),
-            resolution_m=settings.cell_m,
-            robot_radius_m=settings.robot_radius_m,
-            min_frontier_m=settings.min_frontier_m,
-            min_depth_m=settings.min_depth_m,
-            denoise=False,
-        )
+        topology = _read(local.image(), (float(column), float(row)), way_px, settings)
     except InputError:  # the LPM shows the robot in a wall: somebody stands close by
         return None
-    if settings.min_gateway_m > 0:
-        level = Level(min_width_m=settings.min_gateway_m)
-        way_px = frame.to_pixels(_list_nearby(poses, scan, settings.lpm_m))
-        topology = filter_gateways(topology, level, settings.cell_m, way_px)
     share = sum(r.weight for r in topology.readings if not is_path(r.star))
     if share < LEAST_SHARE or not topology.gateways:
         return None
@@ -163,6 +156,36 @@ def read_topology(
     gates = frame.to_metres(np.array([g.centre_px for g in topology.gateways], float))
     radius = float(np.median(np.hypot(*(gates - centre).T)))
     return Sighting(scan, pose, centre, radius, gates, share, topology, frame)
+
+
+def _read(
+    image: Image, robot_px: tuple[float, float], way_px: Array, settings: PlaceSettings
+) -> LocalTopology:
+    """Return the local topology at the level of the settings."""
+    level = Level(min_width_m=settings.min_gateway_m)
+    for _ in range(_MOST_SHUT):
+        topology = local_topology(
+            image,
+            robot_px=robot_px,
+            resolution_m=settings.cell_m,
+            robot_radius_m=settings.robot_radius_m,
+            min_frontier_m=settings.min_frontier_m,
+            min_depth_m=settings.min_depth_m,
+            denoise=False,
+        )
+        closed = None
+        if not level.admits_all:
+            closed = close_gateways(image, topology, level, settings.cell_m, way_px)
+        if closed is None:
+            break
+        image = closed
+    return weigh_gateways(
+        topology,
+        image,
+        way_px,
+        min_frontier_px=settings.min_frontier_m / settings.cell_m,
+        min_depth_px=settings.min_depth_m / settings.cell_m,
+    )
 
 
 def _list_nearby(poses: Array, scan: int, reach_m: float) -> Array:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from perception.errors import InputError
-from perception.level import Level, filter_gateways, is_crossed
+from perception.level import Level, close_gateways, is_crossed
 from perception.topology import local_topology
 
 CELL_M = 0.1
@@ -21,11 +21,11 @@ def draw_crossing(side_m=0.8):
     return image
 
 
-def read(image, level, way_px=None, **settings):
-    topology = local_topology(
-        image, resolution_m=CELL_M, robot_radius_m=0.3, min_frontier_m=0.5, **settings
-    )
-    return filter_gateways(topology, level, CELL_M, way_px)
+def read(image, level, way_px=None):
+    settings = {"resolution_m": CELL_M, "robot_radius_m": 0.3, "min_frontier_m": 0.5}
+    topology = local_topology(image, **settings)
+    closed = close_gateways(image, topology, level, CELL_M, way_px)
+    return topology if closed is None else local_topology(closed, **settings)
 
 
 def test_a_narrow_opening_counts_only_where_doors_do():
@@ -62,9 +62,24 @@ def test_nothing_left_is_no_way_out():
     assert len(topology.star) == 0
 
 
-def test_a_filter_without_limits_changes_nothing():
-    topology = local_topology(draw_crossing())
-    assert filter_gateways(topology, Level(), CELL_M) is topology
+def test_a_dead_end_is_found_behind_a_door_that_is_shut():
+    image = draw_crossing()
+    image[87:, :] = 0
+    image[:, 105:] = 0  # the corridor ends three metres beyond the door
+    assert len(read(image, Level()).gateways) == 2
+    shut = read(image, Level(min_width_m=1.2))
+    assert len(shut.gateways) == 1
+    assert shut.base_px[0, 0] > 85
+
+
+def test_a_level_without_limits_shuts_nothing():
+    image = draw_crossing()
+    before = image.copy()
+    topology = local_topology(image)
+    assert Level().admits_all
+    assert close_gateways(image, topology, Level(), CELL_M) is None
+    assert close_gateways(image, topology, Level(min_width_m=9.0), CELL_M) is not None
+    assert (image == before).all()
 
 
 def test_a_way_crosses_a_gateway_between_its_ends_only():

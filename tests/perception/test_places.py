@@ -121,7 +121,8 @@ def test_more_confirmations_leave_fewer_places(log, visits):
 
 def test_narrow_gateways_count_where_the_robot_drives_through_them(log, visits):
     wide = detect_places(log, log.truth, replace(PlaceSettings(), min_gateway_m=2.3))
-    assert [v.scan for v in wide] == [v.scan for v in visits]
+    # Straight on through the crossing is a bare path once its other ways are shut; turns are not.
+    assert [v.scan for v in wide] == [v.scan for v in (visits[0], *visits[2:])]
     for visit in wide[1:-1]:
         reading = visit.readings[0]
         used = {reading.star.opposite(reading.arrive), reading.depart}

@@ -1,0 +1,91 @@
+"""How sure gateways are, from what the robot did and from how far it saw through them.
+
+A lidar that looks forward sees of a way beside or behind it no more than a sliver. The robot cannot
+pass there as far as it has seen, so the skeleton ends early; but what is free in line beyond the
+gateway tells a way from a niche. And a gateway that the robot went through is one.
+
+Source: ours; it stands for the turn on the spot that Beeson 2008, 5.3.2, asks of a robot whose
+lidar sees a half circle, where the drive is over and cannot be changed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from perception.continuity import read_stars
+from perception.gateways import Gateway
+from perception.geometry import Array
+from perception.grid import Image, Mask, classify
+from perception.level import is_crossed
+from perception.topology import LocalTopology
+
+_WIDER = 1.2
+"""Gateways so many times wider than the narrowest frontier that counts are no doors left ajar."""
+
+_STARTS = np.linspace(0.1, 0.9, 9)
+"""Shares of the width of a gateway from which one looks out of it."""
+
+
+def weigh_gateways(
+    topology: LocalTopology,
+    image: Image,
+    way_px: Array,
+    *,
+    min_frontier_px: float,
+    min_depth_px: float,
+) -> LocalTopology:
+    """Read the star anew, with gateways as sure as what the robot did and saw makes them.
+
+    Parameters
+    ----------
+    topology : as found in the image.
+    way_px : (n, 2) points the robot drove by, pixels, in order.
+    min_frontier_px, min_depth_px : a frontier so wide, or a way so far, is even odds; more is more.
+    """
+    if not topology.gateways:
+        return topology
+    free = classify(image).free
+    gateways = tuple(
+        replace(g, confidence=_confide(g, free, way_px, min_frontier_px, min_depth_px))
+        for g in topology.gateways
+    )
+    x, y = topology.base_px.mean(axis=0).tolist()
+    return replace(topology, gateways=gateways, readings=read_stars(gateways, (x, y)))
+
+
+def _confide(
+    gateway: Gateway, free: Mask, way_px: Array, min_frontier_px: float, min_depth_px: float
+) -> float:
+    """Return the probability, a half to one, that a way leads out of a gateway."""
+    if gateway.frontier_px <= 0 or is_crossed(gateway, way_px):
+        return 1.0
+    depth = gateway.depth_px
+    if gateway.width_px >= _WIDER * min_frontier_px:
+        depth = max(depth, see_through(gateway, free))
+    sure = 1.0
+    for value, limit in ((gateway.frontier_px, min_frontier_px), (depth, min_depth_px)):
+        if limit > 0:
+            sure *= 1.0 - 0.5 * math.exp(-2.0 * max(value / limit - 1.0, 0.0))
+    return sure
+
+
+def see_through(gateway: Gateway, free: Mask) -> float:
+    """Return how far free cells go on straight out of a gateway, in cells.
+
+    Parameters
+    ----------
+    free : (H, W) mask of the free cells.
+    """
+    one, other = np.array(gateway.ends_px, float)
+    starts = one + _STARTS[:, None] * (other - one)
+    ahead = np.array([math.cos(gateway.outward_rad), math.sin(gateway.outward_rad)])
+    steps = np.arange(0.0, float(max(free.shape)))
+    points = starts[:, None] + steps[None, :, None] * ahead
+    x, y = np.rint(points).astype(int).transpose(2, 0, 1)
+    height, width = free.shape
+    on = (x >= 0) & (y >= 0) & (x < width) & (y < height)
+    on &= free[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)]
+    return float(np.where(on.all(axis=1), len(steps), np.argmin(on, axis=1)).max())
