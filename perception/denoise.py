@@ -103,7 +103,8 @@ def mend_walls(cells: Cells) -> Cells:
         return cells
     expected = math.log(0.05 / (whole + missing)) / math.log(min(share, 0.6))
     gap = min(math.ceil(1.5 * expected) + 1, min(occupied.shape) // 12)
-    shape = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (gap + 1, gap + 1))
+    side = gap // 2 * 2 + 1  # odd: the closing by an even one shifts walls and leaves gaps
+    shape = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
     closed = cv2.morphologyEx(occupied.view(np.uint8), cv2.MORPH_CLOSE, shape).astype(bool)
     return Cells(closed, cells.free & ~closed, cells.unknown & ~closed)
 

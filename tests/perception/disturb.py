@@ -121,3 +121,50 @@ class LidarWorld:
             local.update(pose, self.cast(pose, angles, rng), angles)
         column, row = local.frame.to_pixels(pose[:2])
         return local.image(), (float(column), float(row))
+
+
+def round_corners(image: np.ndarray, width_px: float) -> np.ndarray:
+    """Round all corners of the walls, the more the wider the corridor."""
+    free = (image > 127).astype(np.float32)
+    smooth = cv2.GaussianBlur(free, (0, 0), 0.2 * width_px, borderType=cv2.BORDER_REPLICATE)
+    return np.where(smooth > 0.5, FREE, OCCUPIED).astype(np.uint8)
+
+
+def draw_uneven(
+    shape: Shape,
+    turn_deg: float,
+    side: int,
+    widths: tuple[float, ...],
+    centre: tuple[float, float] = (0.0, 0.0),
+) -> np.ndarray:
+    """Draw a shape whose arms differ in width, the crossing off the middle; shares of the side."""
+    fine = 3 * side
+    axis = (np.arange(fine, dtype=np.float32) - (fine - 1) / 2) / fine
+    x, y = axis[None, :] - centre[0], axis[:, None] - centre[1]
+    free = np.zeros((fine, fine), bool)
+    for arm, width in zip(shape.arms_deg, widths, strict=True):
+        angle = np.radians(arm + turn_deg)
+        along = x * np.cos(angle) + y * np.sin(angle)
+        across = y * np.cos(angle) - x * np.sin(angle)
+        back = -min(widths) / 2 if shape.name in ("L", "dead end") else 0.0
+        free |= (np.abs(across) <= width / 2) & (along >= back)
+    small = cv2.resize(np.where(free, 255, 0).astype(np.uint8), (side, side), None, 0, 0, 3)
+    return np.where(small > 127, FREE, OCCUPIED).astype(np.uint8)
+
+
+def put_glass(
+    image: np.ndarray, width_px: tuple[float, float], depth_px: float, rng: np.random.Generator
+) -> np.ndarray:
+    """Take pieces out of thin walls, as glass does, with some free space seen behind them."""
+    free = (image > 127).astype(np.uint8)
+    out = thin_walls(image, 0.0, rng)
+    rows, columns = np.nonzero(out == OCCUPIED)
+    for _ in range(3):
+        k = rng.integers(len(rows))
+        radius = rng.uniform(*width_px) / 2
+        near = np.hypot(columns - columns[k], rows - rows[k]) <= radius
+        seen = np.zeros_like(free)
+        cv2.circle(seen, (int(columns[k]), int(rows[k])), round(min(radius, depth_px)), 1, -1)
+        out[(seen > 0) & (out == UNKNOWN)] = FREE
+        out[rows[near], columns[near]] = FREE
+    return out
