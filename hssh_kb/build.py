@@ -18,7 +18,8 @@ import numpy as np
 from hssh_kb.errors import InputError, UsageError
 from hssh_kb.experience import Experience
 from hssh_kb.records import BuildRecord, PlaceLayout, Raster, Trajectory
-from hssh_kb.trace import load_trace, looks_like_json
+from hssh_kb.trace import load_trace
+from perception.files import looks_like_json
 from perception.grid import Frame
 from perception.rosmap_kind import looks_like_ros_map
 

@@ -25,8 +25,9 @@ from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.kb import KnowledgeBase
 from hssh_kb.ranking import RankedMaps
 from hssh_kb.records import BuildRecord, PlaceLayout, Raster, Trajectory
-from hssh_kb.trace import experience_from_data, experience_to_data, load_trace, looks_like_json
+from hssh_kb.trace import experience_from_data, experience_to_data, load_trace
 from perception.atomic import replace_file
+from perception.files import looks_like_json
 from perception.grid import Frame
 
 SCHEMA = "hssh.kb/1"
@@ -203,6 +204,8 @@ def _write_kb(db: sqlite3.Connection, kb: KnowledgeBase) -> None:
             "proven": ranked.proven,
             "inconsistent_from": ranked.inconsistent_from,
             "budget_spent": ranked.budget_spent,
+            "policy": ranked.policy,
+            "log_evidence": ranked.log_evidence,
         },
         "record": asdict(kb.record),
         "experience": {"source": kb.experience.source, "notices": kb.experience.notices},

@@ -81,16 +81,6 @@ def load_trace(path: str | Path) -> Experience:
     return parse_trace(text, source=str(path))
 
 
-def looks_like_json(path: str | Path) -> bool:
-    """Tell a trace from a log by its first visible character; False if it cannot be read."""
-    try:
-        with Path(path).open("rb") as file:
-            head = file.read(4096).removeprefix(b"\xef\xbb\xbf").lstrip()
-    except OSError:
-        return False
-    return head[:1] in (b"{", b"[")
-
-
 def parse_trace(text: str, source: str = "trace") -> Experience:
     """Read an experience from the JSON text of a ``hssh.trace/1`` document.
 

@@ -79,3 +79,13 @@ def _check_size(data: bytes, path: Path) -> bytes:
             "at once; split the log"
         )
     return data
+
+
+def looks_like_json(path: str | Path) -> bool:
+    """Tell a trace from a log by its first visible character; False if it cannot be read."""
+    try:
+        with Path(path).open("rb") as file:
+            head = file.read(4096).removeprefix(b"\xef\xbb\xbf").lstrip()
+    except OSError:
+        return False
+    return head[:1] in (b"{", b"[")

@@ -8,7 +8,7 @@ from typing import Any
 
 from hssh_kb.cli.options import parse_metres, parse_point
 from hssh_kb.errors import UsageError
-from hssh_kb.trace import looks_like_json
+from perception.files import looks_like_json
 from perception.rosmap_kind import looks_like_ros_map
 
 ENDINGS = frozenset((".yaml", ".yml", ".bag", ".mcap", ".db3"))
