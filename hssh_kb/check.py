@@ -111,28 +111,26 @@ def find_visit(experience: Experience, word: str) -> int:
     ------
     InputError : there is none, or there are several.
     """
-    return _find_visit(experience, word.strip(), word)
+    return _find_visit(experience, word.strip(), "")
 
 
 def _find_visit(experience: Experience, word: str, text: str) -> int:
+    where = f"assumption {text!r}: " if text else ""
     match = _VISIT.match(word)
     if match:
         v = int(match[1])
         if v < len(experience):
             return v
         raise InputError(
-            f"assumption {text!r}: there is no visit {word}; the visits are v0 to "
-            f"v{len(experience) - 1}"
+            f"{where}there is no visit {word}; the visits are v0 to v{len(experience) - 1}"
         )
     named = [v for v, visit in enumerate(experience.visits) if visit.name == word]
     if len(named) == 1:
         return named[0]
     if named:
         those = ", ".join(f"v{v}" for v in named)
-        raise InputError(f"assumption {text!r}: {word!r} is the name of {those}; say which")
-    raise InputError(
-        f"assumption {text!r}: {word!r} is no visit; write v0 to v{len(experience) - 1} or a name"
-    )
+        raise InputError(f"{where}{word!r} is the name of {those}; say which")
+    raise InputError(f"{where}{word!r} is no visit; write v0 to v{len(experience) - 1} or a name")
 
 
 def check(

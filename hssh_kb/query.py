@@ -31,7 +31,7 @@ VOCABULARY = {
     ("neighbour", 4): "neighbour(H,D,P,P'): P' is the next place after P that was travelled to",
     ("alpha", 2): "alpha(Q,A): travel is possible (1) from dstate Q or not (0)",
     ("place", 1): "place(P): P is a place, given as the number of its first visit",
-    ("path", 1): "path(H): H is a path, h(P,K) after its first place and a dlp there",
+    ("path", 1): "path(H): H is a path, path(P,K) after its first place and a dlp there",
     ("places", 1): "places(N): the map has N places",
     ("paths", 1): "paths(N): the map has N paths",
 }
@@ -195,7 +195,7 @@ def _describe_paths(
     stars = {p: hypothesis.reading(experience, p).star for p in hypothesis.places}
     for dstates in sorted(directed, key=min):
         behind = names.get((dstates[0][0], stars[dstates[0][0]].opposite(dstates[0][1])))
-        path = behind or f"h({min(dstates)[0]},{min(dstates)[1]})"
+        path = behind or f"path({min(dstates)[0]},{min(dstates)[1]})"
         direction = "minus" if behind else "plus"
         if not behind:
             count += 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from difflib import get_close_matches
 
 from hssh_kb.errors import InputError, NoAnswerError
 from hssh_kb.experience import Experience
@@ -12,6 +13,8 @@ from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.solver import Step, derive_all, parse_facts
 from hssh_kb.theory import read_programs
 
+_NEAR = 4
+"""So many atoms that hold are told where the one asked for does not."""
 _HIDDEN = {
     "visit",
     "travelled",
@@ -43,12 +46,15 @@ class Derivation:
     sentence: str
     because: tuple[Derivation, ...]
 
-    def lines(self, depth: int = 0) -> Iterator[str]:
-        """Yield the tree as indented lines."""
+    def lines(self, depth: int = 0, told: set[str] | None = None) -> Iterator[str]:
+        """Yield the tree as indented lines; what rests on more is told in full once."""
+        told = set() if told is None else told
         by = f" (equation {self.equation})" if self.equation else ""
-        yield f"{'  ' * depth}{self.sentence}{by}"
-        for child in self.because:
-            yield from child.lines(depth + 1)
+        again = self.atom in told and bool(self.because)
+        told.add(self.atom)
+        yield f"{'  ' * depth}{self.sentence}{by}{', as said above' if again else ''}"
+        for child in () if again else self.because:
+            yield from child.lines(depth + 1, told)
 
 
 def explain_holds(experience: Experience, hypothesis: Hypothesis, atom: str) -> Derivation:
@@ -69,7 +75,7 @@ def explain_holds(experience: Experience, hypothesis: Hypothesis, atom: str) -> 
     >>> from hssh_kb.trace import make_experience
     >>> two = make_experience([(["a+1", "a-0"], None, 0), (["b-1", "b+0"], 1, None)])
     >>> print(next(explain_holds(two, Hypothesis((0, 1), (0, 0)), "on(path(0,0),1)").lines()))
-    place 1 is on path(0,0) (equation 5)
+    place P1 is on path(0,0) (equation 5)
     """
     try:
         facts = parse_facts(f"{atom.strip().rstrip('.')}.")
@@ -79,10 +85,35 @@ def explain_holds(experience: Experience, hypothesis: Hypothesis, atom: str) -> 
         raise InputError(f"{atom!r} is not one atom, such as on(path(0,0),1)")
     wanted = facts[0][2]
     program = read_programs(["experience", "map", "named"])
-    steps = derive_all(program + claim_to_facts(experience, hypothesis))
+    steps = derive_all(
+        program + claim_to_facts(experience, hypothesis),
+        lambda variable, value: _tell_value(experience, variable, value),
+    )
     if wanted not in steps:
-        raise NoAnswerError(f"{wanted} does not hold in this map")
+        raise NoAnswerError(f"{wanted} does not hold in this map{_tell_near(wanted, steps)}")
     return _build(wanted, steps, experience)
+
+
+def _tell_value(experience: Experience, variable: str, value: str) -> str:
+    """Return a value as a sentence says it: places and travels by the names of their visits."""
+    if variable.startswith("P") and value.isdigit():
+        name = experience.visits[int(value)].name
+        return f"P{value} ({name})" if name else f"P{value}"
+    if variable.startswith("T") and value.isdigit() and int(value):
+        label = experience.visit_label
+        return f"from {label(int(value) - 1)} to {label(int(value))}"
+    return value
+
+
+def _tell_near(wanted: str, steps: dict[str, Step]) -> str:
+    """Return which atoms of the same predicate do hold, those most alike first."""
+    name, _, inside = wanted.partition("(")
+    held = [atom for atom in steps if atom.partition("(")[0] == name]
+    if not held or name in _HIDDEN or name.startswith("same_"):
+        known = "dstate, at, along, on, order, schema"
+        return "" if name in known.split(", ") else f"; the predicates are {known}"
+    near = get_close_matches(inside, [atom.partition("(")[2] for atom in held], _NEAR, 0.0)
+    return f"; what does hold: {', '.join(f'{name}({text}' for text in near)}"
 
 
 def _build(atom: str, steps: dict[str, Step], experience: Experience) -> Derivation:

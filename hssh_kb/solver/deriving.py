@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from clingo import ast
@@ -36,8 +36,15 @@ class _Rule:
     variables: tuple[str, ...]
 
 
-def derive_all(program: str) -> dict[str, Step]:
+def derive_all(
+    program: str, tell: Callable[[str, str], str] = lambda _, value: value
+) -> dict[str, Step]:
     """Return one well-founded derivation step for each atom of a program without choices.
+
+    Parameters
+    ----------
+    program : text of the program.
+    tell : how the value of a variable stands in a sentence, given its name and the value.
 
     Rules are rewritten so that each of their instances shows as a term; a round of forward
     chaining then picks, for each atom, the first rule whose body is derived already.
@@ -53,8 +60,12 @@ def derive_all(program: str) -> dict[str, Step]:
         number, head, body, values = symbol.arguments
         rule = rules[number.number]
         named = dict(zip(rule.variables, map(str, values.arguments), strict=True))
+        told = {variable: tell(variable, value) for variable, value in named.items()}
         step = Step(
-            str(head), rule.label, _fill(rule.template, named), tuple(map(str, body.arguments))
+            str(head),
+            rule.label,
+            _fill(rule.template, told, named),
+            tuple(map(str, body.arguments)),
         )
         waiting.append((step.atom, step))
     while waiting:
@@ -74,8 +85,10 @@ def derive_all(program: str) -> dict[str, Step]:
     return known
 
 
-def _fill(template: str, values: dict[str, str]) -> str:
-    return re.sub(r"\{([^}]+)\}", lambda match: values.get(match[1], match[0]), template)
+def _fill(template: str, told: dict[str, str], plain: dict[str, str]) -> str:
+    """Fill the placeholders; inside a term such as q({P},{K}) values stay as they are."""
+    filled = re.sub(r"(\(|,)\{([^}]+)\}", lambda m: m[1] + plain.get(m[2], m[0]), template)
+    return re.sub(r"\{([^}]+)\}", lambda m: told.get(m[1], m[0]), filled)
 
 
 def _rewrite(program: str) -> tuple[list[_Rule], list[str]]:
