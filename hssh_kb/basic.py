@@ -19,8 +19,9 @@ from hssh_kb.errors import InputError, UsageError
 from hssh_kb.experience import Experience
 from hssh_kb.solver import Symbol, solve_all
 from hssh_kb.theory import axiom_program, read_programs
-from hssh_kb.trace import SCHEMA, looks_like_json
+from hssh_kb.trace import SCHEMA
 from hssh_kb.variant import list_changes
+from perception.files import looks_like_json
 
 TRAVEL, TURN_AROUND, FREE_TURN = "travel", "turn around", "turn"
 _AXIOMS = (
