@@ -69,6 +69,7 @@ def _document_row(row: MapRow) -> Document:
         "places": row.places,
         "paths": row.paths,
         "log_posterior": h.log_posterior,
+        "probability": row.probability,
         "visits": [f"P{place}" for place in h.visits],
         "offsets": list(h.offsets),
         "readings": list(h.readings) or [0] * len(h.visits),

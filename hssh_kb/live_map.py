@@ -17,6 +17,7 @@ from hssh_kb.layout import lay_out_hypothesis
 from hssh_kb.ranking import RankedMaps, rank_maps
 from hssh_kb.records import PlaceLayout
 from hssh_kb.score import Score
+from hssh_kb.search import sum_posteriors
 from hssh_kb.trace import experience_from_data, experience_to_data
 from hssh_kb.tree_search import TreeOfMaps
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from hssh_kb.kb import KnowledgeBase
 
 _PATIENCE = 1
+_RIVALS = 50
 
 
 class LiveMap:
@@ -142,7 +144,12 @@ def extend_kb(
         if live is None or live.experience is not kb.experience:
             live = LiveMap(kb.experience)
         change = live.arrive(visit, depart=depart)
-        ranked = RankedMaps(live.best(max(len(kb.hypotheses), 1)), "posterior")
+        found = live.best(_RIVALS)
+        ranked = RankedMaps(
+            found[: max(len(kb.hypotheses), 1)],
+            "posterior",
+            log_evidence=sum_posteriors(found),
+        )
         if ranked.maps:
             ranked = replace(ranked, proven=live.is_proven)
         else:

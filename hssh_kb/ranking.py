@@ -6,6 +6,7 @@ posterior of Beeson 2008, chapter 9; which of the two decides is said with the a
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -42,6 +43,7 @@ class RankedMaps:
     inconsistent_from : the first visit with which no consistent map is left; None if there is
         one. The maps are then those of the visits before it.
     policy : the preference, where minimality decided.
+    log_evidence : where the posterior decided, log of the summed posteriors of all maps found.
     penalty : what the violations of weakened axioms cost in each of the maps; they are then the
         maps in which this is least.
     """
@@ -55,6 +57,7 @@ class RankedMaps:
     budget_spent: bool = False
     policy: str = DEFAULT_POLICY
     penalty: int | None = None
+    log_evidence: float | None = None
 
     @property
     def complete(self) -> bool:
@@ -72,6 +75,7 @@ class MapRow:
     rank : one more than the number of better maps; tied maps share it.
     tie : how many maps share the rank.
     places, paths : how many the map has, untravelled paths included.
+    probability : share of the posterior of all maps found; None where minimality decided.
     """
 
     number: int
@@ -80,6 +84,7 @@ class MapRow:
     places: int
     paths: int
     hypothesis: Hypothesis
+    probability: float | None = None
 
 
 def rank_maps(
@@ -180,6 +185,7 @@ def _rank_by_posterior(experience: Experience, best: int, budget_s: float | None
         # A visit not explained in time is no visit that cannot be explained.
         inconsistent_from=None if spent else found.inconsistent_from,
         budget_spent=spent,
+        log_evidence=found.log_evidence,
     )
 
 
@@ -332,8 +338,20 @@ def tabulate_maps(experience: Experience, ranked: RankedMaps) -> tuple[MapRow, .
             while last < len(keys) and _same(keys[last], keys[first]):
                 last += 1
         paths, places = sizes[i]
-        table.append(MapRow(i + 1, first + 1, last - first, places, paths, hypothesis))
+        share = weigh_map(ranked, hypothesis)
+        table.append(MapRow(i + 1, first + 1, last - first, places, paths, hypothesis, share))
     return tuple(table)
+
+
+def weigh_map(ranked: RankedMaps, hypothesis: Hypothesis) -> float | None:
+    """Return the probability of a map: its share of the posterior of all maps that were found.
+
+    Maps that were never grown have no share, so it is the share of what the search met. None
+    where minimality decided.
+    """
+    if ranked.log_evidence is None or hypothesis.log_posterior is None:
+        return None
+    return min(math.exp(hypothesis.log_posterior - ranked.log_evidence), 1.0)
 
 
 def _same(a: Sequence[float], b: Sequence[float]) -> bool:

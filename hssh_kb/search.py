@@ -6,7 +6,10 @@ Source: Beeson 2008, sections 8.2 and 10.1.2; the search itself is in
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from hssh_kb.errors import InputError
 from hssh_kb.experience import Experience
@@ -14,6 +17,8 @@ from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.score import Score
 from hssh_kb.search_budget import allow_work
 from hssh_kb.tree_search import TreeOfMaps
+
+_RIVALS = 100  # so many complete maps share the probability
 
 
 @dataclass(frozen=True)
@@ -30,6 +35,8 @@ class SearchResult:
     inconsistent_from : the first visit that no map could explain, None if all are explained.
     reason : one sentence on how the search ended.
     spent : it ended because the budget was spent.
+    log_evidence : log of the summed posteriors of all complete maps found, which makes
+        probabilities of their log posteriors; None if there is none.
     """
 
     maps: tuple[Hypothesis, ...]
@@ -39,6 +46,7 @@ class SearchResult:
     inconsistent_from: int | None
     reason: str
     spent: bool = False
+    log_evidence: float | None = None
 
 
 def search_maps(
@@ -85,12 +93,25 @@ def search_maps(
     return _sum_up(tree, len(experience), best)
 
 
+def sum_posteriors(maps: Sequence[Hypothesis]) -> float | None:
+    """Return the log of the summed posteriors of maps; None if there are none."""
+    known = [m.log_posterior for m in maps if m.log_posterior is not None]
+    return float(np.logaddexp.reduce(known)) if known else None
+
+
 def _sum_up(tree: TreeOfMaps, visits: int, best: int) -> SearchResult:
-    maps = tree.best(best)
-    if maps:
+    every = tree.best(max(best, _RIVALS))
+    if every:
         proven = tree.is_proven()
         return SearchResult(
-            maps, proven, tree.expansions, tree.leaves, None, _tell_end(tree, proven), tree.spent
+            every[:best],
+            proven,
+            tree.expansions,
+            tree.leaves,
+            None,
+            _tell_end(tree, proven),
+            tree.spent,
+            sum_posteriors(every),
         )
     depth = max(d for d in range(visits) if tree.reached(d))
     spent = tree.leaves > 0

@@ -53,6 +53,7 @@ EXAMPLES = """\
   hssh maps office.hssh --best 3 --query 'at(7,P)'  where visit 7 was, in the three best maps
 """
 DEFAULT_BUDGET_S = 60.0
+_COLUMNS = ("map", "rank", "places", "paths", "log posterior", "probability")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -174,7 +175,7 @@ def _format_maps(experience: Experience, ranked: RankedMaps, *, verbose: bool) -
     lines = [*wrap_words(_summarise(experience, ranked, rows), 92), ""]
     lines.append(
         format_table(
-            ["map", "rank", "places", "paths", "log posterior", "place of each visit"],
+            [*_COLUMNS, "place of each visit"],
             [
                 [
                     str(row.number),
@@ -182,11 +183,12 @@ def _format_maps(experience: Experience, ranked: RankedMaps, *, verbose: bool) -
                     str(row.places),
                     str(row.paths),
                     _format_number(row.hypothesis.log_posterior),
+                    "-" if row.probability is None else f"{row.probability:.3f}",
                     " ".join(f"P{place}" for place in row.hypothesis.visits),
                 ]
                 for row in rows
             ],
-            left=frozenset({5}),
+            left=frozenset({len(_COLUMNS)}),
         )
     )
     if verbose:
