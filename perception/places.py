@@ -3,8 +3,8 @@
 The robot keeps its scrolling LPM, reads the local topology every half metre, and is *on-path* while
 that topology is two gateways on one local-path; otherwise it suspects a place. A place is
 committed only when several readings of the LPM agree on where it is. Once the robot has left, the
-scans of the whole passage are drawn into one map about the place; its star is voted for by readings
-of that map, and the runner-ups are kept as alternative readings.
+scans of the whole passage are drawn into one map about the place; its star is voted for by all
+readings, those of that map above all, and the runner-ups are kept as alternative readings.
 
 Source: Beeson 2008, section 5.3.2 (on-path test, confirmation before a place is committed).
 Grouping by base point, the map of the passage, voting and the runner-ups are ours.
@@ -225,9 +225,8 @@ def _commit(
     local = map_passage(log, poses, centre, passage.nearest, settings)
     span = passage.first, passage.nearest, passage.last
     again = look_again(local, poses, centre, span, settings)
-    readings = vote_star([], again, centre, entry, leave, settings) if again else ()
-    if not readings:
-        readings = vote_star(candidate.sightings, candidate.reviews, centre, entry, leave, settings)
+    reviews = again or candidate.reviews
+    readings = vote_star(candidate.sightings, reviews, centre, entry, leave, settings)
     if not readings:
         return None
     return PlaceVisit(
