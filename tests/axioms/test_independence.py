@@ -1,11 +1,17 @@
 """Each clause of each axiom has a smallest witness that breaks only that axiom, and is needed."""
 
+import random
+import re
+from dataclasses import replace
+
 import pytest
+import worlds
 
 from hssh_kb.basic import BasicExperience, basic_facts
-from hssh_kb.finished import check_claim, check_map_facts
+from hssh_kb.facts import experience_to_facts
+from hssh_kb.finished import check_claim, check_map_facts, claim_to_facts
 from hssh_kb.hypothesis import Hypothesis
-from hssh_kb.solver import solve_best
+from hssh_kb.solver import is_satisfiable, solve_best
 from hssh_kb.theory import axiom_program, list_axioms, read_messages, read_programs
 from hssh_kb.trace import experience_from_data, experience_to_data, make_experience
 
@@ -16,21 +22,20 @@ TURN = (CORNER, 2, 1)  # comes in through c+, faces c-, leaves along d+
 FACTS = {
     ("dstate_unique", "nowhere"): "dstate(q). along(q,h,plus).",
     ("dstate_unique", "no_path"): "dstate(q). at(q,a).",
-    ("dstate_unique", "two_places"): "at(q,a). at(q,b). along(q,h,plus). on(h,a). on(h,b).",
-    ("dstate_unique", "two_paths"): "at(q,a). along(q,h,plus). along(q,g,plus). on(h,a). on(g,a).",
-    ("turn_keeps_place", "turn"): "schema(q,right,r). is_turn(right). at(q,a). at(r,b).",
-    ("travel_keeps_path", "travel"): (
-        "schema(q,go,r). is_travel(go). along(q,h,plus). along(r,g,plus)."
-    ),
-    ("turn_around_reverses", "turn_around"): (
-        "schema(q,about,r). is_turn_around(about). along(q,h,plus). along(r,h,plus)."
-    ),
+    ("dstate_unique", "two_places"): "at(q,a). at(q,b).",
+    ("dstate_unique", "two_paths"): "along(q,h,plus). along(q,g,plus).",
+    ("turn_keeps_place", "turn"): "schema(q,right,r). is_turn(right). at(q,a).",
+    ("travel_keeps_path", "travel"): "schema(q,go,r). is_travel(go). along(q,h,plus).",
+    (
+        "turn_around_reverses",
+        "turn_around",
+    ): "schema(q,about,r). is_turn_around(about). along(q,h,plus).",
     ("place_on_path", "off"): "at(q,a). along(q,h,plus).",
     ("travel_orders", "unordered"): (
         "schema(q,go,r). is_travel(go). at(q,a). at(r,b). along(q,h,plus). along(r,h,plus). "
         "on(h,a). on(h,b)."
     ),
-    ("order_on_path", "off"): "order(h,plus,a,b). order(h,minus,b,a). on(h,a).",
+    ("order_on_path", "off"): "order(h,plus,a,b). order(h,minus,b,a).",
     ("order_irreflexive", "itself"): "order(h,plus,a,a). order(h,minus,a,a). on(h,a).",
     ("order_reverses", "one_way"): "order(h,plus,a,b). on(h,a). on(h,b).",
     ("order_transitive", "gap"): (
@@ -39,11 +44,15 @@ FACTS = {
     ),
     ("travel_function", "two_results"): "schema(q,go,r). schema(q,go,s).",
     ("dstate_identity", "double"): ("at(q,a). at(r,a). along(q,h,plus). along(r,h,plus). on(h,a)."),
-    ("alpha", "blocked"): (
-        "star(a,0,h,plus,0). star(a,1,h,minus,1). order(h,plus,a,b). order(h,minus,b,a). "
-        "on(h,a). on(h,b)."
-    ),
+    (
+        "alpha",
+        "blocked",
+    ): "star(a,0,h,plus,0). order(h,plus,a,b). order(h,minus,b,a). on(h,a). on(h,b).",
 }
+WHOLE = (
+    "dstate(q). dstate(r). at(q,a). at(r,b). along(q,h,plus). along(r,h,plus). on(h,a). on(h,b). "
+    "schema(q,go,r). is_travel(go). order(h,plus,a,b). order(h,minus,b,a). star(a,0,h,plus,1)."
+)
 
 
 def loop(last):
@@ -122,18 +131,50 @@ def test_claimed_map_breaks_only_this_axiom(clause):
     assert clause in clauses(findings)
 
 
-def test_a_gateway_that_leads_into_itself_is_irreversible():
-    # Such a travel also leads from a place to itself, so axiom 8 forbids it too; the clause is
-    # what forbids it where axiom 8 is switched off.
-    experience = make_experience([(PLUS, None, 0), (PLUS, 2, None)])
-    findings = check_claim(experience, Hypothesis((0, 0), (0, 0)))
-    assert ("reversibility", "into_itself") in clauses(findings)
-    assert broken(findings) <= {
-        "reversibility",
-        "order_irreflexive",
-        "dstate_unique",
-        "dstate_identity",
-    }
+INTO_ITSELF = (make_experience([(PLUS, None, 0), (PLUS, 2, None)]), Hypothesis((0, 0), (0, 0)))
+SEARCHED = ("star_isomorphism", "travel_function", "reversibility", "planarity", "path_types")
+
+
+def test_a_gateway_that_leads_into_itself_breaks_only_reversibility_where_axiom_8_is_off():
+    files = ["experience", "map", "components", *map(axiom_program, SEARCHED)]
+    program = read_programs([*files, "modes/diagnose", "show_violations"])
+    program += claim_to_facts(*INTO_ITSELF)
+    best = solve_best(program, lambda symbols: sorted(map(str, symbols)))
+    assert best.found == (["violation(reversibility,into_itself(1,0,0))"],)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_axiom_8_implies_that_no_gateway_leads_into_itself(seed):
+    rng = random.Random(seed)
+    experience = worlds.random_experience(rng, 4, triangular=seed % 2 == 0, stubs=True)
+    files = ["experience", "generate", "wide", "map", *map(axiom_program, SEARCHED[2:3])]
+    program = read_programs([*files, axiom_program("order_irreflexive")])
+    program += experience_to_facts(experience)
+    program += "into :- violation(reversibility,into_itself(T,P,K)). :- not into."
+    assert is_satisfiable(program)
+    assert not is_satisfiable(program + ":- violation(order_irreflexive,X).")
+
+
+@pytest.mark.parametrize("clause", sorted(FACTS), ids=":".join)
+def test_no_fact_of_a_witness_can_be_spared(clause):
+    facts = re.findall(r"\w+\([^)]*\)\.", FACTS[clause])
+    for i in range(len(facts)):
+        fewer = " ".join(facts[:i] + facts[i + 1 :])
+        findings = check_map_facts(fewer) if fewer else ()
+        assert clauses(findings) != {clause}
+
+
+@pytest.mark.parametrize("clause", sorted(CLAIMS), ids=":".join)
+def test_no_visit_of_a_witness_can_be_spared(clause):
+    experience, hypothesis = CLAIMS[clause]
+    for count in range(1, len(experience)):
+        begun = replace(experience, visits=experience.visits[:count])
+        assert (
+            check_claim(
+                begun, Hypothesis(*(x[:count] for x in (hypothesis.visits, hypothesis.offsets)))
+            )
+            == ()
+        )
 
 
 def test_two_looks_of_one_dstate_break_only_the_view_function():
@@ -168,9 +209,4 @@ def test_messages_agree_with_the_clauses():
 def test_good_maps_satisfy_every_axiom():
     walk = make_experience([(PLUS, None, 0), TURN, (PLUS, 3, None)])
     assert check_claim(walk, Hypothesis((0, 1, 0), (0, 0, 0))) == ()
-    whole = (
-        "dstate(q). dstate(r). at(q,a). at(r,b). along(q,h,plus). along(r,h,plus). "
-        "on(h,a). on(h,b). "
-        "schema(q,go,r). is_travel(go). order(h,plus,a,b). order(h,minus,b,a). star(a,0,h,plus,1)."
-    )
-    assert check_map_facts(whole) == ()
+    assert check_map_facts(WHOLE) == ()
