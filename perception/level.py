@@ -18,10 +18,12 @@ import numpy as np
 from perception.errors import InputError
 from perception.gateways import Gateway
 from perception.geometry import Array
-from perception.grid import OCCUPIED, Image
+from perception.grid import OCCUPIED, Image, classify
 from perception.topology import LocalTopology
 
 Doors = Literal["keep", "ignore"]
+
+_NECK_M = 1.0
 
 
 @dataclass(frozen=True)
@@ -119,11 +121,12 @@ def close_gateways(
     Ours. What lies behind a shut gateway is no part of the place any more: what was a crossing may
     be a bare path, a dead end may turn up behind it.
     """
+    widths_px = measure_necks(image, topology, _NECK_M / resolution_m)
     shut = [
         g
-        for g in topology.gateways
+        for g, width_px in zip(topology.gateways, widths_px, strict=True)
         if not level.admits(
-            (g.width_px - 1.0) * resolution_m,  # between the faces of the walls
+            width_px * resolution_m,
             g.frontier_px * resolution_m if g.frontier_px > 0 else math.inf,  # a loop
             g.depth_px * resolution_m if g.frontier_px > 0 else math.inf,
         )
@@ -136,6 +139,34 @@ def close_gateways(
         one, other = (tuple(round(v) for v in end) for end in gateway.ends_px)
         cv2.line(closed, one, other, OCCUPIED, 1)
     return closed
+
+
+def measure_necks(image: Image, topology: LocalTopology, reach_px: float) -> list[float]:
+    """Return how wide the way out of each gateway is where it is narrowest, in cells.
+
+    Parameters
+    ----------
+    image : (H, W) uint8, what the topology was found in.
+    reach_px : how far beyond a gateway one looks: an anchor may lie a little before the door.
+
+    Source
+    ------
+    Ours.
+    """
+    clearance = cv2.distanceTransform(
+        (~classify(image).occupied).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE
+    )
+    points = topology.skeleton_px
+    x, y = np.rint(points).astype(int).T
+    radius = clearance[np.clip(y, 0, len(image) - 1), np.clip(x, 0, image.shape[1] - 1)]
+    necks = []
+    for g in topology.gateways:
+        gap = points - g.centre_px
+        ahead = gap @ np.array([math.cos(g.outward_rad), math.sin(g.outward_rad)])
+        near = (np.hypot(*gap.T) <= reach_px) & (ahead > -1.5)
+        narrowest = 2.0 * float(radius[near].min()) if near.any() else math.inf
+        necks.append(min(narrowest, g.width_px))
+    return necks
 
 
 def is_crossed(gateway: Gateway, way_px: Array | Sequence[tuple[float, float]]) -> bool:
