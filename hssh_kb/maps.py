@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from hssh_kb.congruence import Assumption
 from hssh_kb.enumerator import TreeEnumerator
 from hssh_kb.errors import UsageError
 from hssh_kb.experience import Experience, has_partial_types
@@ -160,6 +162,7 @@ def minimal_maps(
     limit: int | None = None,
     budget_s: float | None = None,
     variant: Variant | None = None,
+    supposed: Sequence[Assumption] = (),
 ) -> Enumeration:
     """Find the minimal maps of an experience: all that tie for the best.
 
@@ -175,6 +178,7 @@ def minimal_maps(
         the best seen so far.
     variant : axioms switched off or weakened, or rules of one's own. What violations of weakened
         axioms cost comes first in ``costs``.
+    supposed : what is to hold in the maps; with cardinality only.
 
     Raises
     ------
@@ -191,16 +195,22 @@ def minimal_maps(
         raise UsageError(f"minimal is 'cardinality' or 'subset', not {minimal!r}")
     end = _deadline(limit, budget_s)
     variant = variant or Variant()
-    if variant.weights and minimal == "subset":
-        raise UsageError("weakened axioms have costs, so they go with --minimal cardinality only")
-    search = best_by_cardinality if minimal == "cardinality" else best_by_subset
+    if (variant.weights or supposed) and minimal == "subset":
+        raise UsageError("subset minimality goes neither with weakened axioms nor with assumptions")
 
     def find(count: int) -> Enumeration:
+        rest = _rest(end)
         with blame_variant(variant):
-            return _gather(search(experience, count, policy, planarity, limit, _rest(end), variant))
+            if minimal == "subset":
+                found = best_by_subset(experience, count, policy, planarity, limit, rest, variant)
+            else:
+                found = best_by_cardinality(
+                    experience, count, policy, planarity, limit, rest, variant, supposed
+                )
+        return _gather(found)
 
     found = find(len(experience))
-    if found.maps or not found.complete:
+    if found.maps or not found.complete or supposed:
         return found
     broken = find_inconsistent_visit(
         experience, planarity=planarity, budget_s=_rest(end), variant=variant

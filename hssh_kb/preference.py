@@ -6,9 +6,11 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from hssh_kb.congruence import Assumption
 from hssh_kb.experience import Experience, has_partial_types
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.map_samples import sample_planar_maps
+from hssh_kb.oracle import assumption_facts
 from hssh_kb.planarity import is_planar, make_planarity_test
 from hssh_kb.program import (
     has_alternatives,
@@ -34,25 +36,28 @@ def best_by_cardinality(
     limit: int | None,
     budget_s: float | None,
     variant: Variant,
+    supposed: Sequence[Assumption] = (),
 ) -> Models[Hypothesis]:
     """Find the maps of the first visits that cost least, all that tie.
 
     Planarity is tried on the best maps found without it. If none is planar, the next best are
     sought, and so on: a few quick searches instead of one in which the faces are guessed.
     """
-    further = ("objective", policy_program(policy))
+    further = ["objective", policy_program(policy)]
     if not variant.is_plain:
         program = variant_program(
             experience, variant, planarity=planarity, visits=count, further=further
         )
         convert = make_converter(count, has_alternatives(experience))
         return solve_best(program, convert, limit=limit, budget_s=budget_s)
+    further += ["assume"] if supposed else []
     program = strict_program(experience, planarity=False, visits=count, further=further)
+    program += assumption_facts(enumerate(supposed))
     end = None if budget_s is None else time.monotonic() + budget_s
     sampled = (
         count > _LONG and not has_alternatives(experience) and not has_partial_types(experience)
     )
-    share = _SAMPLE_SHARE * budget_s if budget_s and sampled else 0.0
+    share = _SAMPLE_SHARE * budget_s if budget_s and sampled and not supposed else 0.0
     while True:
         rest = None if end is None else max(end - time.monotonic() - share, 0.0)
         seen: list[int] = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -85,8 +85,11 @@ def _document_step(step: Derivation) -> Document:
     }
 
 
-def document_new(answer: NewPlace) -> Document:
-    """Return the ``hssh.new-place/1`` document: why a visit is a new place."""
+def document_new(answer: NewPlace, possible: Mapping[int, str]) -> Document:
+    """Return the ``hssh.new-place/1`` document: why a visit is a new place.
+
+    ``possible`` says what became of the earlier visits that no axiom refuses.
+    """
     return {
         "schema": "hssh.new-place/1",
         "visit": f"v{answer.visit}",
@@ -94,15 +97,16 @@ def document_new(answer: NewPlace) -> Document:
         "text": answer.text,
         "complete": answer.complete,
         "earlier": [
-            {"visit": f"v{earlier}", **_document_reason(check)} for earlier, check in answer.earlier
+            {"visit": f"v{earlier}", **_document_reason(check, possible.get(earlier, check.text))}
+            for earlier, check in answer.earlier
         ],
     }
 
 
-def _document_reason(check: Check) -> Document:
+def _document_reason(check: Check, text: str) -> Document:
     first = None if check.consistent else check.violations[0]
     return {
         "possible": check.consistent if check.status != "budget spent" else None,
         "axiom": first.axiom if first else None,
-        "text": check.text,
+        "text": text,
     }

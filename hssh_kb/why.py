@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from difflib import get_close_matches
+from os.path import commonprefix
 
 from hssh_kb.errors import InputError, NoAnswerError
 from hssh_kb.experience import Experience
@@ -107,13 +107,13 @@ def _tell_value(experience: Experience, variable: str, value: str) -> str:
 
 def _tell_near(wanted: str, steps: dict[str, Step]) -> str:
     """Return which atoms of the same predicate do hold, those most alike first."""
-    name, _, inside = wanted.partition("(")
+    name = wanted.partition("(")[0]
     held = [atom for atom in steps if atom.partition("(")[0] == name]
     if not held or name in _HIDDEN or name.startswith("same_"):
         known = "dstate, at, along, on, order, schema"
         return "" if name in known.split(", ") else f"; the predicates are {known}"
-    near = get_close_matches(inside, [atom.partition("(")[2] for atom in held], _NEAR, 0.0)
-    return f"; what does hold: {', '.join(f'{name}({text}' for text in near)}"
+    near = sorted(held, key=lambda atom: (-len(commonprefix([wanted, atom])), atom))
+    return f"; what does hold: {', '.join(near[:_NEAR])}{', ...' if len(near) > _NEAR else ''}"
 
 
 def _build(atom: str, steps: dict[str, Step], experience: Experience) -> Derivation:

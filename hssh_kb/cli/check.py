@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from hssh_kb.cli.options import add_budget, add_input, add_map
@@ -63,6 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Check and print the violations."""
+    from hssh_kb.alternatives import find_standing
     from hssh_kb.answers import document_check
     from hssh_kb.check import check
     from hssh_kb.kb import KnowledgeBase
@@ -86,10 +88,16 @@ def run(args: argparse.Namespace) -> int:
         tell_notices(experience.notices)
     with show_progress("checking"):
         answer = check(experience, assumptions=args.assume, budget_s=args.budget, variant=variant)
+    document, lines = document_check(answer), _format_check(answer)
+    if isinstance(found, KnowledgeBase) and args.assume and found.hypotheses:
+        standing = find_standing(found, args.assume)
+        document["ranked"] = asdict(standing)
+        if answer.consistent:
+            lines += wrap_words(standing.text, 92)
     if args.json:
-        print_json(document_check(answer))
+        print_json(document)
     else:
-        print("\n".join(_format_check(answer)))
+        print("\n".join(lines))
     if answer.status == "budget spent":
         return 4
     return 0 if answer.consistent else 1

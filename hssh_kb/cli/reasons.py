@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -68,6 +69,7 @@ def explain_atom(args: argparse.Namespace, kb: KnowledgeBase) -> int:
 
 def explain_new_place(args: argparse.Namespace, kb: KnowledgeBase, variant: Variant) -> int:
     """Print why a visit is a new place: what each earlier visit would violate."""
+    from hssh_kb.alternatives import tell_possible
     from hssh_kb.theory_answers import document_new
 
     with show_progress("checking"):
@@ -77,10 +79,16 @@ def explain_new_place(args: argparse.Namespace, kb: KnowledgeBase, variant: Vari
         hypothesis.visits[answer.visit] == answer.visit
     )
     note = "" if is_new else _tell_place(kb, answer.visit, args.map)
+    possible = {
+        earlier: tell_possible(kb, answer.visit, earlier, args.map)
+        for earlier, check in answer.earlier
+        if check.consistent
+    }
     if args.json:
-        print_json({**document_new(answer), "map": args.map, "new_in_map": is_new})
+        document = document_new(answer, possible)
+        print_json({**document, "map": args.map, "new_in_map": is_new})
     else:
-        print("\n".join(_format_new(kb, answer, note)))
+        print("\n".join(_format_new(kb, answer, note, possible)))
     if not answer.complete:
         return 4
     return 0 if is_new else 1
@@ -94,13 +102,15 @@ def _tell_place(kb: KnowledgeBase, visit: int, number: int) -> str:
     return f"In map {number}, {label} is not new: it is at P{visits[visit]}."
 
 
-def _format_new(kb: KnowledgeBase, answer: NewPlace, note: str) -> list[str]:
+def _format_new(
+    kb: KnowledgeBase, answer: NewPlace, note: str, possible: Mapping[int, str]
+) -> list[str]:
     lines = wrap_words(f"{note} {answer.text}".strip(), 92)
     if answer.earlier:
         lines.append("")
     for earlier, check in answer.earlier:
         label = kb.experience.visit_label(earlier)
-        told = "possible" if check.consistent else check.text
+        told = possible.get(earlier, check.text)
         first, *rest = wrap_words(f"{label}: {told}", 90)
         lines += [f"  {first}", *(f"    {line}" for line in rest)]
     return lines
