@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from os.path import commonprefix
+from itertools import takewhile
 
 from hssh_kb.errors import InputError, NoAnswerError
 from hssh_kb.experience import Experience
@@ -112,8 +112,13 @@ def _tell_near(wanted: str, steps: dict[str, Step]) -> str:
     if not held or name in _HIDDEN or name.startswith("same_"):
         known = "dstate, at, along, on, order, schema"
         return "" if name in known.split(", ") else f"; the predicates are {known}"
-    near = sorted(held, key=lambda atom: (-len(commonprefix([wanted, atom])), atom))
+    near = sorted(held, key=lambda atom: (-_count_alike(wanted, atom), atom))
     return f"; what does hold: {', '.join(near[:_NEAR])}{', ...' if len(near) > _NEAR else ''}"
+
+
+def _count_alike(one: str, other: str) -> int:
+    """Return how many characters two texts have in common at their beginning."""
+    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(one, other, strict=False)))
 
 
 def _build(atom: str, steps: dict[str, Step], experience: Experience) -> Derivation:
