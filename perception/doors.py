@@ -41,8 +41,14 @@ class DoorRule:
     detour_m : the way round is longer.
     area_m2 : the space behind, if there is no way round, is larger.
     thing_m : neither end is a free-standing thing smaller than this, unless it is a piece of wall.
+    block_m : if an end is a free-standing thing shorter than the first of these and thicker than
+        the second, a table or a group of seats, a wall goes on in line for the share
+    block_in_line : of the first 2 m beyond an end.
     opening, in_line_near : either it opens so many times wider on both sides, and a wall goes on in
         line for this share of the first 0.8 m beyond an end;
+    sure_opening, sure_width_m, sure_in_line, sure_detour_m : whatever its ends are: it opens so
+        many times wider on both sides, is no wider than this, a wall goes on in line for this share
+        of the first 2 m and of the first 0.8 m, and the way round is longer than this.
     wide_opening, space_m, in_line : or it opens so many times wider, into spaces this wide, and a
         wall goes on in line for this share of the first 2 m beyond an end.
 
@@ -55,8 +61,14 @@ class DoorRule:
     detour_m: float = 10.0
     area_m2: float = 1.0
     thing_m: float = 2.0
+    block_m: tuple[float, float] = (5.5, 1.1)
+    block_in_line: float = 0.8
     opening: float = 1.55
     in_line_near: float = 0.5
+    sure_opening: float = 1.7
+    sure_width_m: float = 1.5
+    sure_in_line: float = 0.9
+    sure_detour_m: float = 5.0
     wide_opening: float = 1.25
     space_m: float = 1.9
     in_line: float = 0.85
@@ -93,8 +105,18 @@ def find_doors(
     wide = (opening >= rule.wide_opening) & (opening * width >= rule.space_m)
     door = narrow | (wide & (evidence.in_line >= rule.in_line))
     door &= (width <= rule.width_m) & ~find_things(evidence, rule.thing_m)
-    door &= (evidence.detour_m >= rule.detour_m) & (evidence.area_m2 >= rule.area_m2)
-    return np.asarray(door)
+    door &= ~_find_blocks(evidence, rule.block_m) | (evidence.in_line >= rule.block_in_line)
+    door &= evidence.detour_m >= rule.detour_m
+    sure = (opening >= rule.sure_opening) & (width <= rule.sure_width_m)
+    sure &= np.minimum(evidence.in_line, evidence.in_line_near) >= rule.sure_in_line
+    sure &= evidence.detour_m >= rule.sure_detour_m
+    return np.asarray((door | sure) & (evidence.area_m2 >= rule.area_m2))
+
+
+def _find_blocks(evidence: DoorEvidence, size_m: tuple[float, float]) -> NDArray[np.bool_]:
+    """Tell whether an end lies on a free-standing thing shorter and thicker than this."""
+    long, short = evidence.thing_m[..., 0], evidence.thing_m[..., 1]
+    return np.asarray(((long < size_m[0]) & (short > size_m[1])).any(axis=1))
 
 
 def find_things(evidence: DoorEvidence, size_m: float) -> NDArray[np.bool_]:

@@ -23,6 +23,9 @@ LEAST_DEPTH_M = 0.6
 THING_M = 2.5
 """One goes around a free-standing thing smaller than this on its wider side only."""
 
+LEAST_ROUND_M = 25.0
+"""A room with one way out is gone round if the round is at least so long."""
+
 GAP_M = 0.8
 """Free-standing things closer than this are one."""
 
@@ -99,10 +102,12 @@ def prune_shallow(graph: SkeletonGraph, resolution_m: float) -> None:
 def open_loops(graph: SkeletonGraph, space: FloorSpace) -> None:
     """Remove the narrower way around each free-standing thing, furniture most likely.
 
+    And half of a short round through the open middle of a room that has no other way out.
     Smallest things first; two things with no way left between them are one. A thing stays if one
     of the ways around it is tagged, it is a piece of wall beside a door; and so does a way that
     saves a great detour.
     """
+    _cut_rounds(graph, LEAST_ROUND_M / space.resolution_m)
     things = _Things(graph, space)
     queue = [(size, k) for k, size in enumerate(things.sizes_m) if size < THING_M]
     heapq.heapify(queue)
@@ -124,6 +129,15 @@ def open_loops(graph: SkeletonGraph, space: FloorSpace) -> None:
             if things.sizes_m[one] < THING_M:
                 heapq.heappush(queue, (things.sizes_m[one], one))
             break
+
+
+def _cut_rounds(graph: SkeletonGraph, least_px: float) -> None:
+    """Cut loops along the open middle of a room that are shorter than this."""
+    for k, branch in list(graph.branches.items()):
+        if branch.tail != branch.head or graph.tags[k] or float(branch.steps_px[-1]) >= least_px:
+            continue
+        if max((branch.left == OPEN).mean(), (branch.right == OPEN).mean()) > 0.5:
+            graph.remove(_halve_loop(graph, k))
 
 
 class _Things:

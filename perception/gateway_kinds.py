@@ -32,7 +32,9 @@ class MouthRule:
     Both ends are corners of wall, which the skeleton passes in an arc: so many degrees about the
     one, and about the other. A mouth into a closed space needs less than one between two spaces
     that are joined elsewhere too; and there the corridor itself, which has gaps alike before and
-    behind it, is told apart.
+    behind it, is told apart. Two more kinds are in line with a wall: the gap between the tip of a
+    wall, which the skeleton turns back about, and a flat wall (``tip``); and a gap plainly narrower
+    than what lies before and behind it (``line``).
 
     Source
     ------
@@ -48,6 +50,13 @@ class MouthRule:
     joined_other_arc_deg: float = 75.0
     sure_opening: float = 1.5
     sure_arc_deg: float = 30.0
+    tip_opening: float = 1.25
+    tip_arc_deg: float = 100.0
+    tip_in_line: float = 0.6
+    line_opening: float = 1.35
+    line_arc_deg: float = 28.0
+    line_in_line: float = 0.9
+    line_width_m: float = 2.6
     least_area_m2: float = 1.0
     most_closed_area_m2: float = 60.0
     thing_m: float = 1.5
@@ -101,7 +110,11 @@ def find_mouths(
     joined = ~closed & alone & (opening >= rule.joined_opening)
     joined &= (less > rule.joined_arc_deg) & (more > rule.joined_other_arc_deg)
     sure = (opening >= rule.sure_opening) & (less > rule.sure_arc_deg) & (alone | closed)
-    mouth |= joined | sure
+    in_line = np.minimum(evidence.in_line, evidence.in_line_near)
+    line = (opening >= rule.line_opening) & (less > rule.line_arc_deg)
+    line &= in_line >= rule.line_in_line
+    tip = (opening >= rule.tip_opening) & (more > rule.tip_arc_deg) & (in_line >= rule.tip_in_line)
+    mouth |= joined | sure | ((line | tip) & (width < rule.line_width_m))
     mouth &= ~find_things(evidence, rule.thing_m) & (width < rule.width_m)
     return np.asarray(mouth & (area >= 0.8 * rule.least_area_m2))
 
