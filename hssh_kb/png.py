@@ -46,11 +46,12 @@ def _draw(canvas: _Canvas, item: Item, scale: float) -> None:
             _draw_line(canvas, item, scale)
         case Shape():
             points = [_fixed(item.points * scale)]
+            reach = _find_reach(item.points * scale, 1.0)
 
             def fill(target: _Canvas) -> None:
                 cv2.fillPoly(target, points, _bgr(item.fill), cv2.LINE_AA, _SHIFT)
 
-            _blend(canvas, item.opacity, fill)
+            _blend(canvas, item.opacity, fill, reach)
         case Disc():
             centre = tuple(_fixed(np.array([item.x, item.y]) * scale).tolist())
             if item.stroke_width:
@@ -87,16 +88,33 @@ def _draw_line(canvas: _Canvas, item: Line, scale: float) -> None:
     def stroke(target: _Canvas) -> None:
         cv2.polylines(target, fixed, False, _bgr(item.colour), thickness, cv2.LINE_AA, _SHIFT)
 
-    _blend(canvas, item.opacity, stroke)
+    _blend(canvas, item.opacity, stroke, _find_reach(item.points * scale, thickness))
 
 
-def _blend(canvas: _Canvas, opacity: float, paint: Any) -> None:  # noqa: ANN401
+def _find_reach(points: Array, margin: float) -> tuple[int, int, int, int]:
+    """Return left, top, right, bottom of what a line through points may colour."""
+    low, high = points.min(axis=0) - margin - 2, points.max(axis=0) + margin + 3
+    left, top, right, bottom = (int(v) for v in (*low, *high))
+    return max(left, 0), max(top, 0), max(right, 0), max(bottom, 0)
+
+
+def _blend(
+    canvas: _Canvas,
+    opacity: float,
+    paint: Any,  # noqa: ANN401
+    reach: tuple[int, int, int, int],
+) -> None:
+    """Paint, mixed with what is there; nothing beyond the reach is coloured."""
     if opacity >= 1:
         paint(canvas)
         return
-    layer = canvas.copy()
-    paint(layer)
-    cv2.addWeighted(layer, opacity, canvas, 1 - opacity, 0, dst=canvas)
+    left, top, right, bottom = reach
+    window = (slice(top, bottom), slice(left, right))
+    before = canvas[window].copy()
+    if not before.size:
+        return
+    paint(canvas)
+    canvas[window] = cv2.addWeighted(canvas[window], opacity, before, 1 - opacity, 0)
 
 
 def _cut_dashes(points: Array, dash: float) -> Iterator[Array]:

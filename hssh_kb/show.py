@@ -303,10 +303,11 @@ class _Drawing:
 
 def _find_known_corners(grid: Raster) -> Array:
     """Return the corners of the part of a grid where anything is known, metres."""
-    rows, columns = np.nonzero(grid.image != UNKNOWN)
+    known = grid.image != UNKNOWN
+    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
     if not len(rows):
         return np.empty((0, 2))
-    box = np.array([[columns.min(), rows.min()], [columns.max(), rows.max()]], float)
+    box = np.array([[columns[0], rows[0]], [columns[-1], rows[-1]]], float)
     return np.asarray(grid.frame.to_metres(box))
 
 
