@@ -31,8 +31,11 @@ _LEADS_FAR = 2.0
 """Beyond this multiple of the least depth, a branch is the surer the farther it leads."""
 Point = tuple[float, float]
 
-_AT_EDGE = 0.06
+_AT_EDGE = 0.1
 """Share of a search area; the reach of an anchor may begin so far beyond the edge of the core."""
+
+_VIRTUAL_NEIGHBOURS = 4
+"""Cells of a virtual outline this near on it are one anchor; it is rougher than a wall."""
 
 
 @dataclass(frozen=True)
@@ -197,9 +200,12 @@ def _count_held(seen: Index, arc: Index) -> tuple[Index, int]:
 def _held_by(sides: Sides, anchor: int) -> Mask:
     """Tell for each point whether the anchor is the nearest obstacle on the left or right."""
     held = np.zeros(len(sides.left), bool)
+    near = _VIRTUAL_NEIGHBOURS if anchor >= sides.real else 1
     for side in (sides.left, sides.right):
         held |= (
-            (np.abs(side - anchor) <= 1) & (side != OPEN) & (sides.arc[side] == sides.arc[anchor])
+            (np.abs(side - anchor) <= near)
+            & (side != OPEN)
+            & (sides.arc[side] == sides.arc[anchor])
         )
     return held
 

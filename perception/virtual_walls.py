@@ -9,6 +9,7 @@ and only if a side that is searched for anchors is open.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -16,13 +17,13 @@ import cv2
 import numpy as np
 
 from perception.cracks import OPEN
-from perception.geometry import Array
 from perception.grid import Mask
 from perception.region import Index, Region
 from perception.skeleton import Branch
 
-_EVERY = 2
 _TANGENT = 4
+_SAG_PX = 0.4
+"""How far the outline of the painted discs may lie inside that of all discs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,12 +35,14 @@ class Sides:
     left, right : (n,) index into ``cells``; OPEN where there is none.
     cells : (m, 2) columns and rows of the obstacles: the walls of the region, then virtual ones.
     arc : (m,) which stretch of wall each belongs to; neighbours on one are neighbours here.
+    real : how many of the cells are walls; the others are virtual.
     """
 
     left: Index
     right: Index
     cells: Index
     arc: Index
+    real: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +63,7 @@ class VirtualWalls:
 
 def see_walls(branch: Branch, region: Region) -> Sides:
     """Return the real obstacles beside a branch."""
-    return Sides(branch.left, branch.right, region.walls, region.arc)
+    return Sides(branch.left, branch.right, region.walls, region.arc, len(region.walls))
 
 
 def outline_reach(branches: Iterable[Branch], region: Region) -> VirtualWalls:
@@ -72,8 +75,9 @@ def outline_reach(branches: Iterable[Branch], region: Region) -> VirtualWalls:
     """
     reach = np.zeros(region.inside.shape, np.uint8)
     for branch in branches:
-        points = np.round(branch.points_px[::_EVERY]).astype(int).tolist()
-        radii = np.ceil(branch.radius_px[::_EVERY]).astype(int).tolist()
+        every = max(int(math.sqrt(8.0 * _SAG_PX * float(branch.radius_px.min()))), 1)
+        points = np.round(branch.points_px[::every]).astype(int).tolist()
+        radii = np.ceil(branch.radius_px[::every]).astype(int).tolist()
         for (x, y), radius in zip(points, radii, strict=True):
             cv2.circle(reach, (x, y), radius, 1, cv2.FILLED)
     reach &= region.inside.view(np.uint8)
@@ -115,6 +119,7 @@ def see_virtual_walls(
         right,
         np.concatenate([region.walls, virtual.cells]),
         np.concatenate([region.arc, arc]),
+        len(region.walls),
     )
 
 
@@ -122,13 +127,17 @@ def _find_nearest(branch: Branch, points: Index, cells: Index, sign: float) -> I
     """Return which of some cells is nearest on one side of each point; OPEN for none."""
     size = len(branch.points_px)
     ahead, behind = np.minimum(points + _TANGENT, size - 1), np.maximum(points - _TANGENT, 0)
-    tangent = branch.points_px[ahead] - branch.points_px[behind]
-    gap: Array = cells[None] - branch.points_px[points][:, None]
-    cross = tangent[:, None, 0] * gap[..., 1] - tangent[:, None, 1] * gap[..., 0]
-    distance = np.einsum("ijk,ijk->ij", gap, gap)
-    distance[cross * sign <= 0] = np.inf
-    best = distance.argmin(axis=1)
-    return np.where(np.isfinite(distance[np.arange(len(points)), best]), best, OPEN)
+    tangent = (branch.points_px[ahead] - branch.points_px[behind]).astype(np.float32)
+    place, obstacle = branch.points_px[points].astype(np.float32), cells.astype(np.float32)
+    gap_x = obstacle[:, 0] - place[:, :1]
+    gap_y = obstacle[:, 1] - place[:, 1:]
+    wrong_side = sign * (tangent[:, :1] * gap_y - tangent[:, 1:] * gap_x) <= 0
+    gap_x *= gap_x
+    gap_y *= gap_y
+    gap_x += gap_y
+    gap_x[wrong_side] = np.inf
+    best = gap_x.argmin(axis=1)
+    return np.where(np.isfinite(gap_x[np.arange(len(points)), best]), best, OPEN)
 
 
 def is_open(branch: Branch, area: tuple[int, int]) -> bool:
