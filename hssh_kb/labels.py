@@ -78,10 +78,18 @@ class LabelPlacer:
         self.take(boxes[chosen])
         return options[chosen][1]
 
-    def choose(self, spots: Iterable[tuple[float, float]], width: float, height: float) -> int:
-        """Return the index of the spot where a centred mark hides least; its box is then taken."""
+    def choose(
+        self, spots: Iterable[tuple[float, float]], width: float, height: float, *, must: bool
+    ) -> int | None:
+        """Return the index of the spot where a centred mark hides least; its box is then taken.
+
+        None, if it need not be drawn and there is no spot where it hides nothing.
+        """
         boxes = [(x - width / 2, y - height / 2, x + width / 2, y + height / 2) for x, y in spots]
-        chosen = int(np.argmin(self.price(boxes, ink=0.0)))
+        prices = self.price(boxes, ink=0.0)
+        chosen = int(np.argmin(prices))
+        if not must and prices[chosen] > 0:
+            return None
         self.take(boxes[chosen])
         return chosen
 

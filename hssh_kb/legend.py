@@ -27,11 +27,12 @@ def draw_title(scene: Scene, kb: KnowledgeBase, number: int) -> None:
     source = Path(kb.record.source).name if kb.record.source else "experience"
     tie = f" ({row.tie} maps tie)" if row.tie > 1 else ""
     posterior = row.hypothesis.log_posterior
-    reason = (
-        f"log posterior {posterior:.1f}"
-        if posterior is not None
-        else "fewest paths, then fewest places"
-    )
+    if kb.record.scans == 0 and kb.trajectory is not None and len(kb.rows) == 1:
+        reason = "a finished map, explored by a virtual robot"
+    elif posterior is not None:
+        reason = f"log posterior {posterior:.1f}"
+    else:
+        reason = "fewest paths, then fewest places"
     sub = (
         f"map {number} of {len(kb.rows)}, rank {row.rank}{tie}: {reason}; "
         f"{row.places} places, {row.paths} paths, {len(row.hypothesis.visits)} visits"

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 ENDINGS = (".svg", ".png")
 _TITLE_PX, _MARGIN_PX, _LEGEND_PX = 64.0, 28.0, 250.0
 _LONG_SIDE_PX, _WIDE_WORLD_M = 1000.0, 120.0
+_MANY_PLACES, _MANY_PATHS = 60, 40
 
 
 def check_ending(path: str | Path) -> str:
@@ -94,6 +95,9 @@ class _Drawing:
         left, bottom, right, top = self._find_extent()
         wide = max(right - left, top - bottom)
         room = _LONG_SIDE_PX * (1.5 if geometry.metric and wide > _WIDE_WORLD_M else 1.0)
+        if geometry.metric:
+            crowd = float(np.sqrt(len(graph.places) / _MANY_PLACES))
+            room = max(room, _LONG_SIDE_PX * min(crowd, 2.0))
         if not geometry.metric:
             room = min(room, 170.0 * max(wide, 1.0))
         self.scale = room / max(wide, 1e-6)
@@ -276,12 +280,13 @@ class _Drawing:
             scene.add(drawn)
 
     def _draw_path_names(self, scene: Scene, placer: LabelPlacer, size: float) -> None:
-        """Put the letter of each path on its longest stretch."""
+        """Put the letter of each path on its longest stretch; among many paths, where room is."""
         longest: dict[str, Array] = {}
         for edge in self.graph.undirected_edges:
             curve = self.geometry.curves[edge.start, edge.dlp]
             if edge.path not in longest or _length(curve) > _length(longest[edge.path]):
                 longest[edge.path] = curve
+        crowded = len(longest) > _MANY_PATHS
         for name, curve in longest.items():
             points = self.to_canvas(_resample(curve, _length(curve) / 10 or 1.0))
             middle = [
@@ -289,7 +294,10 @@ class _Drawing:
             ]
             side = size * 1.35
             width = side + (len(name) - 1) * size * 0.6
-            x, y = middle[placer.choose([(p[0], p[1]) for p in middle], width, side)]
+            chosen = placer.choose([(p[0], p[1]) for p in middle], width, side, must=not crowded)
+            if chosen is None:
+                continue
+            x, y = middle[chosen]
             colour, group = self.palette.colour(name), f"path-{name}"
             scene.add(
                 Disc(
