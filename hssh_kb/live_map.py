@@ -24,7 +24,6 @@ from hssh_kb.tree_search import TreeOfMaps
 if TYPE_CHECKING:
     from hssh_kb.kb import KnowledgeBase
 
-_PATIENCE = 1
 _RIVALS = 50
 
 
@@ -85,7 +84,7 @@ class LiveMap:
             previous = known[-1] = leave_visit(known[-1], depart)
         self._tree.extend(visit, previous=previous)
         self.experience = replace(self.experience, visits=(*known, visit))
-        self._tree.search(patience=_PATIENCE)
+        self._tree.search()
         before, self._lead = self._lead, next(iter(self.best()), None)
         if before is None or self._lead is None:
             return None

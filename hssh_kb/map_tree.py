@@ -161,6 +161,13 @@ class MapTree(VisitWeigher):
             if (place in near) != far:
                 yield from self.weigh_closures(state, prediction, v, depart, place, lean)
 
+    def find_fixed(self, node: Node) -> int:
+        """Return the only place that travel allows for the visit after a map, -1 if any may be."""
+        state = self.state_of(node)
+        depart = self.leave(state, node.visit + 1)
+        known = None if depart is None else state.judge.follow(state.place, depart)
+        return -1 if known is None else known[0]
+
     def weigh(self, node: Node, decision: Decision) -> Option | None:
         """Return one way to take the visit after a node; None if the stars do not match."""
         state, v = self.state_of(node), node.visit + 1

@@ -53,12 +53,22 @@ class LeafState:
 
 
 class Node:
-    """One map after visits 0..v."""
+    """One map after visits 0..v.
+
+    Attributes
+    ----------
+    stage : how often it was grown; the rest of the ways on may be put off.
+    queued : it waits or has waited; ``waits`` : it does so now.
+    heirs : children that live, and 1 if it waits; it lives as long as there are any.
+    dead : it was refuted.
+    """
 
     __slots__ = (
         "addends",
         "children",
+        "dead",
         "decision",
+        "heirs",
         "parent",
         "places",
         "queued",
@@ -67,6 +77,7 @@ class Node:
         "stage",
         "state",
         "visit",
+        "waits",
     )
 
     def __init__(
@@ -82,7 +93,8 @@ class Node:
         self.addends, self.places, self.serial = addends, places, serial
         self.score: float = (parent.score if parent else 0.0) + sum(addends)
         self.stage = 0
-        self.queued = False
+        self.queued = self.waits = self.dead = False
+        self.heirs = 0
         self.state: LeafState | None = None
         self.children: dict[Decision, Node] | None = None
 

@@ -95,7 +95,7 @@ class Repair:
 
 
 def propose_repairs(
-    tree: MapTree, node: Node, options: Iterable[Option], best: float
+    tree: MapTree, node: Node, options: Iterable[Option], best: float, fixed: int
 ) -> Iterator[Repair]:
     """Yield the repairs that a map's refused ways to take the next visit call for.
 
@@ -104,6 +104,7 @@ def propose_repairs(
     tree, node : the map.
     options : the ways, refused ones among them.
     best : what the best way that is not refused adds to the score.
+    fixed : the only place that travel allows, -1 if it fixes none.
     """
     slip = tree.score.slip
     price = math.log(slip) - math.log1p(-slip) if slip else -math.inf
@@ -114,16 +115,18 @@ def propose_repairs(
         for travel in option.refusal.travels[-_MOST_TRAVELS:]:
             estimate = node.score + worth + price
             yield Repair(node, travel, -1, -1, option.decision, estimate)
-    yield from _propose_readings(tree, node, best)
+    yield from _propose_readings(tree, node, best, fixed)
 
 
-def _propose_readings(tree: MapTree, node: Node, best: float) -> Iterator[Repair]:
+def _propose_readings(tree: MapTree, node: Node, best: float, fixed: int) -> Iterator[Repair]:
     """Yield the repairs that read a place anew so that the next visit can be it."""
     state, v = tree.state_of(node), node.visit + 1
     worth = tree.score.expect_closures(tree.predict(state, v))
     held = tree.predict(state, v).filter.places
     for slot in np.flatnonzero(worth > best - 2 * _WORTH_NATS).tolist():
         place = int(held[slot])
+        if fixed not in (-1, place):
+            continue
         first, current = state.firsts[place], state.place_readings[place]
         stars = tree.visits[first].readings
         if len(stars) == 1:

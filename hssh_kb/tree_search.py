@@ -1,42 +1,40 @@
-"""Best-first search over the tree of maps, all leaves at any depth in play.
+"""Best-first search over the tree of maps, joined with conflict-driven learning.
 
-Leaves wait in one queue a depth, ordered by log posterior. A leaf's prospect is its score plus,
-for each visit still to come, the best change of score that any map had there; the leaf of the
-best prospect grows next. When the favourites are refuted and nothing gets deeper, the search
-cycles through the depths instead, growing the best leaf of each, so that maps are compared
-with others that have explained the same visits. No consistent leaf is dropped, only left
-waiting.
+Maps that have explained the same visits are compared with each other: at each depth the best
+waiting map grows next, as long as its score is within a slack of the best living map of that
+depth and the front of grown maps is not too wide. When a visit refutes a map, the reason is
+learned: a set of closures that cannot stand together (:mod:`hssh_kb.nogoods`). All maps that
+hold it die at once, at whatever depth they wait; the fronts of the depths they leave fill again
+from the maps that wait there, so that the search jumps back to the closure that was wrong. No
+consistent map is ever dropped, only left waiting.
 
 Source: Beeson 2008, sections 8.2 and 10.1.2; lazy evaluation after Johnson's tree of maps;
-the prospect, the cycles and the repairs are ours.
+the fronts and the learning are ours.
 """
 
 from __future__ import annotations
 
+import heapq
 import math
 
 from hssh_kb.errors import InputError
 from hssh_kb.experience import Experience, Visit
+from hssh_kb.fronts import Fronts
 from hssh_kb.hypothesis import Hypothesis
-from hssh_kb.leaf_queues import LeafQueues
 from hssh_kb.map_tree import MapTree
-from hssh_kb.node import GATE_NATS, Node
+from hssh_kb.node import GATE_NATS, Node, Option
+from hssh_kb.nogoods import Nogood, learn_nogood
 from hssh_kb.repair import Repair, propose_repairs
 from hssh_kb.revise import revise_map
 from hssh_kb.score import Score, estimate_score
 from hssh_kb.search_budget import Budget
 
-_STUCK = 24  # expansions without getting deeper, before the depths are tried in turn
-_WINDOW = 16  # depths tried in turn at first; doubled each time that is in vain
-_SLACK_NATS = 24.0  # leaves that much below the best of their depth are not worth a turn
-_SURPRISE_NATS = 1.5  # what the favourite may pay beyond a new place before others get a turn
+_WIDTH = 128  # maps of one depth grown at most while the best of them lives
+_SLACK_NATS = 16.0  # maps that far below the best of their depth wait
 _REVISED_WORK = 60_000  # units of work for one revision at most, where travels slip
-_REVISED_LITTLE = 5_000  # ... where they do not, and best-first search seldom errs
-_HURRY = 0.4  # share of the budget after which the best map is taken to the end as it is
-_COMPLETED = 8  # maps taken to the end when the budget is spent
-_REGRET_NATS = 8.0  # a best map this close to the highest hopes needs little doubt
-_DESPAIR_NATS = 60.0  # a best map this far below them was most likely met by chance
-_LAST_CYCLES = 24  # cycles in vain that such a map is given more, where travels do not slip
+_REPAIRS = 16  # repairs of one depth carried out at a time
+_PROMISE_NATS = 8.0  # ... if they promise a map that near the best one
+_DETOURS = 4  # maps grown for each visit at most to get to the end when the budget is spent
 
 
 class TreeOfMaps:
@@ -82,14 +80,13 @@ class TreeOfMaps:
 
     def _reset(self, score: Score) -> None:
         self.tree = MapTree(score, **self._keywords)
-        self._queues = LeafQueues()
+        self._fronts = Fronts()
         self._reached: list[bool] = []
-        self._reserve: list[Node] = []
         self._seen: set[object] = set()
-        self._deepest = 0
-        self._stale = 0
-        self._window = _WINDOW
-        self._surprise = 0.0
+        self._swept = 0
+        self._serial = 0
+        self._repairs: list[list[tuple[float, int, Repair]]] = []
+        self.nogoods: dict[int, list[Nogood]] = {}
         self.expansions = 0
 
     @property
@@ -99,10 +96,11 @@ class TreeOfMaps:
 
     def _add(self, visit: Visit) -> None:
         self._visits.append(visit)
-        self._queues.add_depth()
+        self._fronts.add_depth()
+        self._repairs.append([])
         self._reached.append(False)
         for root in self.tree.add_visit(visit):
-            self._queues.queue_chain(root)
+            self._fronts.wait(root)
             self._reached[0] = True
 
     def extend(self, visit: Visit, *, previous: Visit | None = None) -> None:
@@ -134,55 +132,79 @@ class TreeOfMaps:
 
     # -- growing ---------------------------------------------------------------------------
 
-    def _grow_at(self, depth: int) -> None:
-        item = self._queues.pop(depth)
-        if isinstance(item, Repair):
-            # Every map on the way to the repaired one is a leaf that other maps may grow from.
-            self._queues.queue_chain(item.carry_out(self.tree))
-        else:
-            self._expand(item)
-
     def _expand(self, node: Node) -> None:
         """Make the children of a map; the first time those worth it, the next time the rest."""
-        tree, depth = self.tree, node.visit
+        tree, fronts = self.tree, self._fronts
         self.expansions += 1
         node.stage += 1
+        slips = self.score.slip > 0
         options = list(tree.options(node, far=node.stage == 2, lean=node.stage < 3))
         best = -math.inf
         for option in options:
             if option.refusal is None:
                 child = tree.child(node, option)
-                self._queues.queue_chain(child)
                 best = max(best, child.score - node.score)
-        if node.stage == 1:
-            new = self.score.place_prior - math.log(self.score.area_m2)
-            if best > -math.inf:
-                # A new place that nothing speaks against is the least a rival may hope for.
-                self._queues.raise_hope(depth + 1, max(best, new), self._reached[depth + 1])
-            self._queues.push(depth, node.score + new - GATE_NATS, node)
-            for repair in propose_repairs(tree, node, options, best):
-                if repair.key not in self._seen:
-                    self._seen.add(repair.key)
-                    self._queues.push(depth + 1, repair.estimate, repair)
-        elif node.stage == 2 and self._has_rest(node):
-            self._reserve.append(node)
-        self._stale += 1
+                if self._is_refuted(child):
+                    child.dead = True
+                else:
+                    fronts.wait(child)
         if best > -math.inf:
-            self._reached[depth + 1] = True
-            if depth + 1 > self._deepest:
-                self._deepest, self._stale = depth + 1, 0
-                new = self.score.place_prior - math.log(self.score.area_m2)
-                self._surprise += max(new - best - _SURPRISE_NATS / 8, 0.0)
+            self._reached[node.visit + 1] = True
+        fixed = -1 if slips else tree.find_fixed(node)
+        if node.stage == 1:
+            self._propose(node, options, best, fixed)
+        if best == -math.inf and fixed >= 0:
+            self._learn(node)
+        elif node.stage == 1 and fixed < 0:
+            far = node.score - math.log(self.score.area_m2) - GATE_NATS
+            fronts.put_off(node, far, node.score if self._has_lean(node) else far)
+        elif node.stage == 2 and self._has_lean(node):
+            fronts.put_off(node, node.score, node.score)
+        fronts.settle(node)
 
-    def _has_rest(self, node: Node) -> bool:
+    def _has_lean(self, node: Node) -> bool:
+        """Return whether growing a map at first leaves ways out that are not far off."""
         return self.score.slip > 0 or len(self._visits[node.visit + 1].readings) > 1
 
-    def _open_reserve(self) -> bool:
-        """Bring back the maps whose improbable children were put off; False if there are none."""
-        opened, self._reserve = self._reserve, []
-        for node in opened:
-            self._queues.push(node.visit, node.score, node)
-        return bool(opened)
+    def _propose(self, node: Node, options: list[Option], best: float, fixed: int) -> None:
+        """Note which repairs the refused ways to take the next visit call for."""
+        for repair in propose_repairs(self.tree, node, options, best, fixed):
+            if repair.key not in self._seen:
+                self._seen.add(repair.key)
+                self._serial += 1
+                item = -repair.estimate, self._serial, repair
+                heapq.heappush(self._repairs[node.visit + 1], item)
+
+    def _repair(self, depth: int, budget: Budget) -> None:
+        """Carry out the repairs that promise a map of a depth near the best one."""
+        todo, done = self._repairs[depth], 0
+        while todo and done < _REPAIRS and not budget.is_spent():
+            if -todo[0][0] < self._fronts.peak(depth) - _PROMISE_NATS:
+                return
+            made = heapq.heappop(todo)[2].carry_out(self.tree)
+            if not self._holds_nogood(made):
+                self._fronts.wait(made)
+            done += 1
+
+    def _holds_nogood(self, node: Node) -> bool:
+        return any(one.dead or (not one.queued and self._is_refuted(one)) for one in node.chain())
+
+    def _is_refuted(self, node: Node) -> bool:
+        known = self.nogoods.get(node.visit)
+        if not known:
+            return False
+        decisions = [one.decision for one in node.chain()[1:]]
+        return any(nogood.holds_in(decisions) for nogood in known)
+
+    def _learn(self, node: Node) -> None:
+        """Learn why a map cannot take its next visit; all maps with that mistake die."""
+        nogood = learn_nogood(self._visits, [one.decision for one in node.chain()[1:]])
+        if nogood is None:
+            return
+        self.nogoods.setdefault(nogood.latest, []).append(nogood)
+        for one in self._fronts.list_living(nogood.latest):
+            if nogood.holds_in([above.decision for above in one.chain()[1:]]):
+                self._fronts.bury(one)
 
     # -- searching -------------------------------------------------------------------------
 
@@ -191,123 +213,78 @@ class TreeOfMaps:
         *,
         budget_s: float | None = None,
         budget_work: float | None = None,
-        patience: int | None = None,
     ) -> None:
-        """Grow maps until the best complete ones are found or the budget is spent.
+        """Grow maps until the fronts have reached the last visit or the budget is spent.
 
-        Where travels may slip, there always is a complete map: when the budget is spent before
-        one was met, the best maps of the most visits are taken to the end greedily.
+        When the budget is spent before a complete map was met, the best map of the most visits
+        is taken to the end greedily.
 
         Parameters
         ----------
         budget_s : seconds of wall time; None for no limit.
         budget_work : units of work, the same on every machine; None for no limit.
-        patience : how many cycles in vain to spend on rivals of the best complete map, each
-            reaching twice as far back as the one before; None for as many as its regret
-            against the highest hopes calls for. While visits arrive one by one, 0 or 1 is
-            quick, and later visits make up for what was missed.
         """
         last = len(self._visits) - 1
         if last < 1:
             return
         budget = Budget(lambda: self.tree.work, budget_work, budget_s)
-        self._stale, self._window = 0, _WINDOW
-        self._grow_all(budget, patience)
-        if not self._has_complete() and self.score.slip > 0:
-            self._dive(_COMPLETED)
-        if self._has_complete() and self._is_doubtful(self._queues.choose_depth()[1]):
+        self._sweep(budget)
+        if budget.is_spent():
+            self._finish()
+        if self.score.slip > 0:
             self._revise(last, budget, 4)
         self.spent = budget.is_spent()
 
-    def _grow_all(self, budget: Budget, patience: int | None) -> None:
-        """Grow maps until no rival of the best complete one is worth it."""
-        last, idle = len(self._visits) - 1, 0
-        while not budget.is_spent():
-            depth, prospect = self._queues.choose_depth()
-            if prospect == -math.inf:
-                if self._has_complete() or not self._open_reserve():
-                    return
-            elif self._has_complete():
-                if idle == 0 and self._is_doubtful(prospect):
-                    self._revise(last, budget)
-                if idle >= (self._count_cycles(prospect) if patience is None else patience):
-                    return
-                idle = 0 if self._run_cycle(budget) else idle + 1
-            elif self._stale <= _STUCK and self._surprise < _SURPRISE_NATS:
-                self._grow_at(depth)
-            elif budget.is_spent(_HURRY) or self._is_lost():
-                self._revise(self._deepest, budget)
-                self._dive()
+    def _sweep(self, budget: Budget) -> None:
+        """Let the front of each depth grow, from the first that may have changed to the last."""
+        fronts, last = self._fronts, len(self._visits) - 1
+        depth = self._swept
+        while depth < last and not budget.is_spent():
+            self._widen(depth, budget)
+            self._repair(depth + 1, budget)
+            if fronts.living[depth + 1]:
+                depth += 1
+            elif any(fronts.living[:last]) or fronts.bring_back():
+                depth = 0  # nothing lives that deep: the fronts before it fill again
             else:
-                self._run_cycle(budget)
+                break
+        self._swept = min(depth, last)
+
+    def _widen(self, depth: int, budget: Budget) -> None:
+        """Grow the best waiting maps of a depth until its front is as wide as it should be."""
+        fronts = self._fronts
+        while fronts.count_grown(depth) < _WIDTH and not budget.is_spent():
+            top = fronts.top(depth)
+            near = top >= fronts.peak(depth) - _SLACK_NATS
+            if top == -math.inf or not (near or fronts.count_grown(depth) == 0):
+                return
+            node = fronts.take(depth)
+            if node is not None:
+                self._expand(node)
 
     def _has_complete(self) -> bool:
-        return self._queues.has_items(len(self._visits) - 1)
+        return self._fronts.living[-1] > 0
 
-    def _is_lost(self) -> bool:
-        """Return whether to take the best map to the end as it is, to be revised as a whole."""
-        return self.score.slip > 0 and self._window > 4 * _WINDOW
-
-    def _count_cycles(self, prospect: float) -> int:
-        """Return how many cycles in vain it takes to believe that the best map is found."""
-        whole = int(math.log2(max(len(self._visits) / _WINDOW, 1))) + 1
-        if self.score.slip == 0 and prospect - float(self._queues.tops[-1]) >= _DESPAIR_NATS:
-            return whole + _LAST_CYCLES
-        return whole + 3 if self._is_doubtful(prospect) else whole
-
-    def _is_doubtful(self, prospect: float) -> bool:
-        """Return whether the best complete map falls short of the highest hopes by far."""
-        regret = prospect - float(self._queues.tops[-1])
-        return self.score.slip > 0 or regret >= _REGRET_NATS
-
-    def _run_cycle(self, budget: Budget) -> bool:
-        """Grow the best leaf of each of the deepest depths in turn, and the best of all.
-
-        Maps are then compared with others that have explained the same visits. Returns whether
-        that got deeper, or a better complete map; if not, the next cycle reaches further back.
-        """
-        queues, last = self._queues, len(self._visits) - 1
-        self._surprise = 0.0
-        before = self._deepest, float(queues.tops[last])
-        depth = max(0, self._deepest - self._window)
-        while depth < min(self._deepest + 1, last) and not budget.is_spent():
-            if queues.tops[depth] > queues.peaks[depth] - _SLACK_NATS:
-                self._grow_at(depth)
-            depth += 1
-        if not budget.is_spent():
-            depth, prospect = queues.choose_depth()
-            if prospect > -math.inf:
-                self._grow_at(depth)
-        if (self._deepest, float(queues.tops[last])) > before:
-            self._window = max(_WINDOW, self._window // 2)
-            return True
-        self._window = min(2 * self._window, max(last, _WINDOW))
-        if self.score.slip > 0 and not self._has_complete():
-            self._revise(self._deepest, budget)
-        return False
-
-    def _dive(self, count: int = 1) -> None:
-        """Grow the best of the deepest maps, and always its best child, to the last visit."""
-        for leaf in self._queues.list_best(self._deepest, count):
-            node: Node | None = leaf
-            while node is not None and node.visit < len(self._visits) - 1:
-                if node.stage == 0:
-                    self._expand(node)
-                grown = list((node.children or {}).values())
-                node = max(grown, key=lambda child: child.score, default=None)
-        self._stale = 0
+    def _finish(self) -> None:
+        """Take the best of the deepest maps to the last visit, whatever it costs them."""
+        last = len(self._visits) - 1
+        for _ in range(_DETOURS * len(self._visits)):
+            deepest = max((d for d in range(last + 1) if self._fronts.living[d]), default=last)
+            node = self._fronts.take(deepest) if deepest < last else None
+            if node is None:
+                return
+            self._expand(node)
 
     def _revise(self, depth: int, budget: Budget, count: int = 1) -> None:
         """Revise the best maps of a depth as a whole; whatever that makes waits as a leaf."""
         partitions: set[tuple[int, ...]] = set()
-        work = count * (_REVISED_WORK if self.score.slip else _REVISED_LITTLE)
-        is_over = budget.allot(work)
-        for node in self._queues.list_best(depth, 40 * count):
+        is_over = budget.allot(count * _REVISED_WORK)
+        for node in self._fronts.list_best(depth, 40 * count):
             partition = tuple(one.decision.place for one in node.chain())
             if partition not in partitions:
                 partitions.add(partition)
                 for better in revise_map(self.tree, node, is_over, self._seen):
-                    self._queues.queue_chain(better)
+                    self._fronts.wait(better)
             if len(partitions) == count:
                 break
 
@@ -318,11 +295,11 @@ class TreeOfMaps:
         """
         last = len(self._visits) - 1
         while True:
-            depth, prospect = self._queues.choose_depth()
-            if prospect > -math.inf:
-                self._grow_at(depth)
-            elif not self._open_reserve():
-                nodes = self._queues.list_best(last, len(self._queues))
+            node = next(filter(None, map(self._fronts.take, range(last))), None)
+            if node is not None:
+                self._expand(node)
+            elif not self._fronts.bring_back():
+                nodes = self._fronts.list_best(last, self._fronts.living[last])
                 return tuple(self.tree.hypothesis(node) for node in nodes)
 
     def best(self, k: int = 1) -> tuple[Hypothesis, ...]:
@@ -330,7 +307,7 @@ class TreeOfMaps:
         return self._best_at(len(self._visits) - 1, k)
 
     def _best_at(self, depth: int, k: int) -> tuple[Hypothesis, ...]:
-        return self._pick_maps(self._queues.list_best(depth, 50 * k), k)
+        return self._pick_maps(self._fronts.list_best(depth, 50 * k), k)
 
     def _pick_maps(self, nodes: list[Node], k: int) -> tuple[Hypothesis, ...]:
         """Return the first k maps that differ in places or turns."""
@@ -364,7 +341,7 @@ class TreeOfMaps:
     @property
     def leaves(self) -> int:
         """How many maps wait."""
-        return len(self._queues)
+        return self._fronts.count_leaves()
 
     def is_proven(self) -> bool:
         """Return whether no waiting map can beat the best complete one, whatever comes.
@@ -375,12 +352,12 @@ class TreeOfMaps:
         last = len(self._visits) - 1
         if not self._has_complete():
             return False
-        top = float(self._queues.tops[last])
+        top = self._fronts.top(last)
         ahead = 0.0
         for depth in range(last - 1, -1, -1):
             move = self._visits[depth + 1].displacement
             weights = [math.log(r.weight) for r in self._visits[depth + 1].readings]
             ahead += max(weights) + self.score.bound_travel(None if move is None else move.cov)
-            if self._queues.tops[depth] + ahead > top + 1e-9:
+            if self._fronts.bound(depth) + ahead > top + 1e-9:
                 return False
-        return not self._reserve
+        return True

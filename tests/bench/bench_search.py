@@ -185,7 +185,7 @@ def _grow_visit_by_visit() -> bool:
     for visit in truth.experience.visits:
         start = time.process_time()
         tree.extend(visit)
-        tree.search(patience=0)
+        tree.search()
         times.append(1e3 * (time.process_time() - start))
     right = tree.best(1)[0].visits == truth.partition
     late = float(np.percentile(times, 95))

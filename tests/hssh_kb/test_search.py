@@ -158,7 +158,7 @@ def test_visits_may_arrive_one_by_one():
     tree = TreeOfMaps(score)
     for v, visit in enumerate(truth.experience.visits):
         tree.extend(visit)
-        tree.search(patience=1)
+        tree.search()
         assert len(tree.best(1)[0].visits) == v + 1
     assert tree.best(1)[0].visits == truth.partition
     assert tree.expansions < 400
@@ -169,7 +169,7 @@ def test_a_tree_without_a_score_estimates_one_as_it_grows():
     tree = TreeOfMaps()
     for visit in truth.experience.visits:
         tree.extend(visit)
-        tree.search(patience=1)
+        tree.search()
     assert tree.score.length_m == pytest.approx(5, rel=0.1)
     assert tree.best(1)[0].visits == truth.partition
 
