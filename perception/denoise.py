@@ -29,7 +29,8 @@ def estimate_noise(cells: Cells) -> tuple[float, float]:
     ------
     Ours.
     """
-    solid, known = (~cells.free).view(np.uint8), (~cells.unknown).view(np.uint8)
+    solid = (~cells.free).view(np.uint8)
+    known = (~cells.unknown).view(np.uint8) if cells.unknown.any() else None
     side = 5 if min(solid.shape) < 120 else 7
     count = cv2.boxFilter(solid, -1, (side, side), normalize=False, borderType=cv2.BORDER_REPLICATE)
     most = side * side + 1

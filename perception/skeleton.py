@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -75,11 +76,13 @@ class Branch:
             self.right[first:last],
         )
 
-    @property
+    @cached_property
     def steps_px(self) -> Array:
         """(n,) arc length from the tail to each point."""
-        step = np.hypot(*np.diff(self.points_px, axis=0).T)
-        return np.concatenate([[0.0], np.cumsum(step)])
+        step = self.points_px[1:] - self.points_px[:-1]
+        way = np.zeros(len(self.points_px))
+        np.cumsum(np.sqrt(np.einsum("ij,ij->i", step, step)), out=way[1:])
+        return way
 
 
 @dataclass(frozen=True, eq=False)
