@@ -30,7 +30,7 @@ SPEED_M_S = 0.5
 """How fast the virtual robot goes."""
 
 _STEP_M = 0.2
-_MARGIN_CELLS = 10
+_MARGIN_CELLS, _MARGIN_M = 10, 6.0
 _SIGMA = (0.01, 0.01, 0.002)
 
 
@@ -118,7 +118,7 @@ def make_floor_kb(
         RankedMaps((hypothesis,), "posterior"),
         (_lay_out(floor, walk, hypothesis),),
         trajectory=Trajectory(drive, np.cumsum(length) / SPEED_M_S, scans),
-        global_map=_crop(image, frame),
+        global_map=_crop(image, frame, floor.skeleton_m),
         record=BuildRecord(
             source=walk.experience.source,
             version=own_version(),
@@ -189,13 +189,21 @@ def _lay_out(floor: FloorMap, walk: FloorWalk, hypothesis: Hypothesis) -> PlaceL
     return PlaceLayout(poses, np.repeat(covariance[None], len(centres), axis=0), 0.0)
 
 
-def _crop(image: Image, frame: Frame) -> Raster:
-    """Return the part of a map where anything is known, with a margin."""
-    known = image != UNKNOWN
-    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
-    top, left = max(int(rows[0]) - _MARGIN_CELLS, 0), max(int(columns[0]) - _MARGIN_CELLS, 0)
-    bottom, right = int(rows[-1]) + _MARGIN_CELLS + 1, int(columns[-1]) + _MARGIN_CELLS + 1
-    part = image[top:bottom, left:right]
+def _crop(image: Image, frame: Frame, skeleton_m: Array) -> Raster:
+    """Return the part of a map that is explored, with a margin, where anything is known."""
     resolution = frame.resolution_m
+    ends = frame.to_pixels(np.array([skeleton_m.min(axis=0), skeleton_m.max(axis=0)]))
+    low, high = np.sort(ends[:, ::-1].astype(np.int64), axis=0)  # rows, columns
+    margin = math.ceil(_MARGIN_M / resolution)
+    low, high = np.maximum(low - margin, 0), high + margin + 1
+    known = image[low[0] : high[0], low[1] : high[1]] != UNKNOWN
+    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    top, left = (
+        max(int(low[k] + at[0]) - _MARGIN_CELLS, 0) for k, at in enumerate((rows, columns))
+    )
+    bottom, right = (
+        int(low[k] + at[-1]) + _MARGIN_CELLS + 1 for k, at in enumerate((rows, columns))
+    )
+    part = image[top:bottom, left:right]
     corner = Frame(frame.left_m + left * resolution, frame.top_m - top * resolution, resolution)
     return Raster(np.ascontiguousarray(part), corner)

@@ -22,6 +22,10 @@ from perception.region import Index, Region
 _FULL = np.ones((3, 3), np.uint8)
 _SMOOTH_M = 0.8
 """Walls are measured along a contour smoothed so far, lest roughness count as length."""
+_SURROUNDING = 0.1
+"""A part that reaches more of the edge of the map than this surrounds the floor."""
+_LEAST_INDOORS = 0.02
+"""Unless the largest other part is smaller than this share of it."""
 _BETWEEN_CONTOURS = 1 << 18
 """Added to the position along the contour from one contour to the next."""
 
@@ -96,7 +100,8 @@ def find_floor_space(
     ----------
     image : (H, W) uint8, dark occupied, light free; row 0 at the top.
     resolution_m : side of a cell.
-    start_px : (column, row) within the part wanted; the largest part by default.
+    start_px : (column, row) within the part wanted; by default the largest part, but not what
+        surrounds a drawn plan.
 
     Raises
     ------
@@ -178,9 +183,16 @@ def _choose(
     radius_px: float,
     start_px: tuple[float, float] | None,
 ) -> int:
-    """Return the label of the part that holds the start, or of the largest."""
+    """Return the label of the part that holds the start, or of the largest.
+
+    What surrounds a drawn plan, free to the edge of the sheet, is not taken for the floor.
+    """
     if start_px is None:
-        return int(np.argmax(stats[1:, cv2.CC_STAT_AREA])) + 1
+        area = stats[:, cv2.CC_STAT_AREA].astype(float)
+        area[0] = 0
+        indoors = area * ~_find_surroundings(labels, len(stats), radius_px)
+        large = indoors.max() >= _LEAST_INDOORS * area.max()
+        return int(np.argmax(indoors if large else area))
     height, width = labels.shape
     x, y = round(start_px[0]), round(start_px[1])
     if not (0 <= x < width and 0 <= y < height):
@@ -198,6 +210,14 @@ def _choose(
         )
     k = int(np.argmin((rows + y0 - y) ** 2 + (columns + x0 - x) ** 2))
     return int(near[rows[k], columns[k]])
+
+
+def _find_surroundings(labels: NDArray[np.int32], count: int, radius_px: float) -> Mask:
+    """Tell which parts reach a good share of the edge of the map."""
+    inset = min(int(np.ceil(radius_px)) + 2, (min(labels.shape) - 1) // 2)
+    inner = labels[inset : labels.shape[0] - inset, inset : labels.shape[1] - inset]
+    edge = np.concatenate([inner[0], inner[-1], inner[:, 0], inner[:, -1]])
+    return np.asarray(np.bincount(edge, minlength=count) > _SURROUNDING * len(edge))
 
 
 def _open(free: Mask, distance: NDArray[np.float32], wide: Mask, opening_px: float) -> Mask:

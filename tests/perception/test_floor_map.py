@@ -170,6 +170,17 @@ def test_other_parts_are_left_out_and_can_be_chosen():
     assert other.other_parts[0][0] > 50
 
 
+def test_what_surrounds_a_drawn_plan_is_not_the_floor():
+    image = draw_office().image()
+    image[image == UNKNOWN] = FREE
+    sheet = cv2.copyMakeBorder(image, 200, 200, 200, 200, cv2.BORDER_CONSTANT, value=FREE)
+    floor = explore_floor(sheet, frame_of(sheet))
+    assert len(floor.places) == 10
+    assert floor.other_parts[0][0] > 500
+    outside = explore_floor(sheet, frame_of(sheet), start_m=(2.0, 2.0))
+    assert outside.other_parts[0][0] < 500
+
+
 def test_a_start_in_a_wall_moves_a_little_but_not_far():
     assert len(explore(draw_office(), start_m=(3.0, 18 - 7.8)).places) == 10
     with pytest.raises(InputError, match="no free space"):
