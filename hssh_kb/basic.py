@@ -170,6 +170,16 @@ def basic_facts(experience: BasicExperience) -> str:
     return "\n".join(lines) + "\n"
 
 
+def write_basic_instance(experience: BasicExperience) -> str:
+    """Return a stand-alone ``.lp`` instance, to be run with ``basic_maps.lp`` by stock clingo."""
+    head = f"% Experience of {len(experience.views)} moments in the basic SSH"
+    head += f" from {experience.source}" if experience.source else ""
+    run = "% All maps: python -m clingo AXIOMS/basic_maps.lp THIS_FILE 0"
+    where = "% where AXIOMS is the directory of the axioms; its README.md says more."
+    lines = [head.replace("\n", " "), run, where, "", basic_facts(experience)]
+    return "\n".join(lines)
+
+
 def enumerate_basic_maps(
     experience: BasicExperience,
     *,

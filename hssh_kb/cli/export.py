@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 from hssh_kb.cli.options import add_input
 from hssh_kb.cli.output import print_json
+from hssh_kb.errors import UsageError
 
 NAME = "export"
 HELP = "write plain files: JSON, logic program, ROS map"
@@ -29,11 +31,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the files and print their names."""
+    from hssh_kb.basic import is_basic_trace, load_basic_trace, write_basic_instance
     from hssh_kb.export import check_ending
     from hssh_kb.kb import KnowledgeBase
+    from perception.atomic import write_atomically
 
-    check_ending(args.output)
-    files = [str(file) for file in KnowledgeBase.open(args.input).export(args.output)]
+    ending = check_ending(args.output)
+    if is_basic_trace(args.input):
+        if ending != ".lp":
+            raise UsageError(
+                f"{args.input} is a basic trace, of which there is only an .lp to write"
+            )
+        text = write_basic_instance(load_basic_trace(args.input))
+        write_atomically(Path(args.output), text.encode())
+        files = [args.output]
+    else:
+        files = [str(file) for file in KnowledgeBase.open(args.input).export(args.output)]
     if args.json:
         print_json({"schema": "hssh.export/1", "files": files})
     else:

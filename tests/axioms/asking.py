@@ -91,6 +91,11 @@ def minimal_by(levels: Any) -> Callable[[str], list[tuple[str, ...]]]:
     return lambda program: sorted(solve_minimal(program, levels, show, limit=MOST).found)
 
 
+def is_dear(program: str) -> bool:
+    """Whether the best models violate anything."""
+    return any(find_cost(program))
+
+
 def find_cost(program: str) -> tuple[int, ...]:
     return solve_best(program, show, limit=MOST).cost
 

@@ -19,6 +19,7 @@ from asking import (
     axioms_but,
     count_levels,
     find_cost,
+    is_dear,
     list_best,
     list_clauses,
     list_maps,
@@ -210,11 +211,35 @@ def _enumerations() -> Iterator[Witness]:
         best = (_shown(brute_force.best_maps(plain)[1]), 3) if name != "readings" else None
         if best:
             yield make_witness(f"{name}, best_maps", ["best_maps"], facts, best, list_best)
+        if name == "corners":
+            yield make_witness("corners, weighed", ["weighed_maps"], facts, (flat, 1), list_best)
     typed = CLAIMS["path_types", "type"][0]
     agreeing = _shown(
         m for m in brute_force.all_maps(brute_force.plain(typed)) if test_path_types.agree(typed, m)
     )
-    yield make_witness("types", ["all_maps"], experience_to_facts(typed), agreeing, list_maps)
+    facts = experience_to_facts(typed)
+    yield make_witness("types", ["all_maps"], facts, agreeing, list_maps)
+    yield make_witness("types, weighed", ["weighed_maps"], facts, (agreeing, 1), list_best)
+    for clause in WEIGHED:
+        experience, claimed = CLAIMS[clause]
+        facts = experience_to_facts(experience)
+        for v, (p, r) in enumerate(zip(claimed.visits, claimed.offsets, strict=True)):
+            facts += f":- not place({v},{p},{r}). "
+        weight = f"weight({clause[0]},0)."
+        for name, fact, costs in (("weighed", "", True), ("weighed as nothing", weight, False)):
+            yield make_witness(
+                f"{':'.join(clause)} {name}", ["weighed_maps"], facts + fact, costs, is_dear
+            )
+
+
+WEIGHED = (
+    ("star_isomorphism", "alpha"),
+    ("travel_function", "two_outcomes"),
+    ("reversibility", "two_ways_in"),
+    ("order_irreflexive", "twice"),
+    ("planarity", "genus"),
+    ("path_types", "type"),
+)
 
 
 def _preferences() -> Iterator[Witness]:
@@ -325,14 +350,23 @@ def _basic() -> Iterator[Witness]:
                 expected.append(tuple(sorted(atoms)))
         facts = basic_facts(moves)
         yield make_witness(f"basic walk {number}", strict, facts, sorted(expected), list_maps)
+        name = f"basic walk {number}, basic_maps"
+        yield make_witness(name, ["basic_maps"], facts, sorted(expected), list_maps)
         yield make_witness(f"basic walk {number} judged", judged, facts, (0,), find_cost)
-        last = len(moves.views) - 1
-        new = facts + "".join(f":- not is({i},{i}). " for i in range(last + 1))
-        yield make_witness(f"basic walk {number}, all new", judged, new, [()], list_clauses)
+        if () in expected:  # all moments may be at new dstates
+            new = facts + "".join(f":- not is({i},{i}). " for i in range(len(moves.views)))
+            name = f"basic walk {number}, all new"
+            yield make_witness(name, judged, new, [()], list_clauses)
     yield make_witness(*VIEWS, [("view_function:looks",)], list_clauses)
 
 
 BASIC = (
+    # The smallest walks that tell axioms 8, 1, 17, 16 and 12 from their absence.
+    BasicExperience(("w", "w"), ("travel",)),
+    BasicExperience(("w", "w"), ("turn around",)),
+    BasicExperience(("w", "u"), ("turn right",)),
+    BasicExperience(("w",) * 3, ("turn around", "turn around")),
+    BasicExperience(("w",) * 3, ("turn right", "turn right")),
     BasicExperience(("w",) * 4, ("travel", "turn around", "travel")),
     BasicExperience(("w",) * 5, ("travel", "turn right", "travel", "turn around")),
     BasicExperience(("w",) * 5, ("turn around", "travel", "travel", "turn")),

@@ -23,7 +23,7 @@ from plane_worlds import SHAPES
 
 PLANE_WORLDS, LATTICES, BASIC_WALKS = 500, 200, 300
 LONGEST = (8, 10, 12, 14)
-OFTEN = 30
+OFTEN = 20
 """At least so many worlds must show each shape of place."""
 
 
