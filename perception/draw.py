@@ -12,7 +12,7 @@ from perception.errors import InputError
 from perception.gateways import Gateway
 from perception.geometry import Array
 from perception.grid import Image, classify
-from perception.topology import LocalTopology
+from perception.topology import LocalTopology, Point
 
 Picture = NDArray[np.uint8]
 Colour = tuple[int, int, int]
@@ -36,8 +36,10 @@ _INK: Colour = (30, 30, 30)
 def draw_topology(image: Image, topology: LocalTopology, *, side_px: int = 720) -> Picture:
     """Draw a grid with what was found in it.
 
-    Grey: skeleton; orange: its core; crosses: base points; coloured bars with arrows: gateways, in
-    the colour of their path; thin arrows: the dlps that cannot be travelled; names clockwise.
+    Grey: skeleton; orange: its core, and the discs of its base points (stars); rings: anchors; blue
+    dot: the robot; coloured bars with arrows: gateways, in the colour of their path; thin arrows:
+    the dlps that cannot be travelled. Names carry their place in the clockwise order; below stand
+    the path types.
 
     Parameters
     ----------
@@ -90,13 +92,19 @@ class _Canvas:
         )
 
     def text(self, text: str, point: tuple[float, float], colour: Colour) -> None:
+        """Write on a light ground, moved into the picture and made small enough for it."""
         font, size = cv2.FONT_HERSHEY_SIMPLEX, 0.6
-        (w, h), _ = cv2.getTextSize(text, font, size, 2)
-        x, y = self.at(point)
         height, width = self.picture.shape[:2]
-        spot = min(max(x - w // 2, 2), width - w - 2), min(max(y + h // 2, h + 2), height - 4)
-        cv2.putText(self.picture, text, spot, font, size, (255, 255, 255), 5, cv2.LINE_AA)
-        cv2.putText(self.picture, text, spot, font, size, colour, 2, cv2.LINE_AA)
+        (w, h), _ = cv2.getTextSize(text, font, size, 2)
+        if w > width - 12:
+            size *= (width - 12) / w
+            (w, h), _ = cv2.getTextSize(text, font, size, 2)
+        x, y = self.at(point)
+        left = min(max(x - w // 2, 6), max(width - w - 6, 6))
+        foot = min(max(y + h // 2, h + 4), height - 6)
+        ground = self.picture[max(foot - h - 3, 0) : foot + 4, max(left - 3, 0) : left + w + 3]
+        ground[:] = (ground * 0.15 + 255 * 0.85).astype(np.uint8)
+        cv2.putText(self.picture, text, (left, foot), font, size, colour, 2, cv2.LINE_AA)
 
 
 def _margin(zoom: float) -> int:
@@ -136,32 +144,45 @@ def _draw_skeleton(canvas: _Canvas, topology: LocalTopology) -> None:
 
 
 def _draw_star(canvas: _Canvas, topology: LocalTopology) -> None:
-    """Draw gateways and dlps of the most probable reading."""
+    """Draw gateways and dlps of the most probable reading, numbered clockwise as in the star."""
     reading = topology.readings[0]
     paths = sorted({dlp.path for dlp in reading.star.dlps})
     colours = {path: _PATHS[k % len(_PATHS)] for k, path in enumerate(paths)}
     reach = 0.06 * max(topology.inside.shape)
-    for dlp, number, heading in zip(
-        reading.star.dlps, reading.gateway_out, reading.headings_px, strict=True
-    ):
+    names: list[tuple[str, Point, Colour]] = []
+    for k, dlp in enumerate(reading.star.dlps):
+        number, heading = reading.gateway_out[k], reading.headings_px[k]
         colour = colours[dlp.path]
         dx, dy = math.cos(heading), math.sin(heading)
         if number is not None:
             gateway = topology.gateways[number]
             _draw_gateway(canvas, gateway, colour, reach)
             x, y = gateway.centre_px
-            name_at = (x + 2.2 * reach * dx, y + 2.2 * reach * dy)
+            name_at = (x + 2.4 * reach * dx, y + 2.4 * reach * dy)
         else:
             x, y = (float(v) for v in topology.base_px.mean(axis=0))
             far = _gateway_reach(topology) + 0.5 * reach
             tip = (x + far * dx, y + far * dy)
             canvas.arrow((x + 0.5 * far * dx, y + 0.5 * far * dy), tip, colour, 1)
             name_at = (tip[0] + reach * dx, tip[1] + reach * dy)
-        canvas.text(str(dlp), name_at, colour)
+        names.append((f"{k + 1}: {dlp}", name_at, colour))
+    for text, point, colour in names:
+        canvas.text(text, point, colour)
+    canvas.text(_describe(topology), (0.5 * topology.inside.shape[1], -20 / canvas.zoom), _INK)
+    told = zip(reading.star.dlps, reading.types, strict=True)
+    types = [f"{dlp} {name or '(not told)'}" for dlp, name in told]
+    below = topology.inside.shape[0] + 17 / canvas.zoom
+    canvas.text(", ".join(types), (0.5 * topology.inside.shape[1], below), _INK)
+
+
+def _describe(topology: LocalTopology) -> str:
+    """Return the caption: where the robot is, the shape, the star."""
     state = "at a place" if topology.at_place else "on a path"
-    canvas.text(
-        f"{state}: {reading.star}", (0.5 * topology.inside.shape[1], -20 / canvas.zoom), _INK
-    )
+    if not topology.gateways:
+        return f"{state}: no way leads out"
+    shape = f" ({topology.shape})" if topology.shape else ""
+    doubt = "" if len(topology.readings) == 1 else f", weight {topology.readings[0].weight:.2f}"
+    return f"{state}{shape}, clockwise: {topology.star}{doubt}"
 
 
 def _gateway_reach(topology: LocalTopology) -> float:

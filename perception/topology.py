@@ -144,9 +144,10 @@ def local_topology(
     midline = midline_px if midline_px is not None else max(min(height, width) / 5.0, 3.0)
     cells = classify(image)
     if denoise:
-        cells = remove_noise(cells)
-        if scale["radius"] == 0:  # else the body of the robot closes small gaps
-            cells = mend_walls(cells)
+        mended = remove_noise(cells)
+        if mended is cells and scale["radius"] == 0:  # else vote or robot close small gaps
+            mended = mend_walls(cells)
+        cells = mended
     region = find_region(
         cells,
         robot_px if robot_px is not None else ((width - 1) / 2, (height - 1) / 2),

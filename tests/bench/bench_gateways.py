@@ -149,7 +149,7 @@ def check_speed() -> bool:
         for numba in ways:
             kernels.use_numba(numba)
             local_topology(clean)
-            repeats = 200 if side == 300 else max(3, min(40, 20_000_000 // side**2))
+            repeats = 500 if side == 300 else max(3, min(40, 20_000_000 // side**2))
             best[side, numba, False] = 1e3 * _time(clean, repeats)
             best[side, numba, True] = 1e3 * _time(noisy, repeats)
         plain = best[side, False, False]

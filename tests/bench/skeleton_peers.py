@@ -40,7 +40,7 @@ def read_peer_star(free: np.ndarray, skeletonize: Skeletonize, *, pruned: bool) 
         for base, far in ((tail, head), (head, tail)):
             if base not in place or far in place:
                 continue
-            if pruned and not _reaches_border(graph, far, place, clearance.shape):
+            if pruned and not _reaches_border(graph, far, place, clearance):
                 continue
             gateways.append(_as_gateway(graph.nodes[base]["o"], data["pts"], clearance))
         del key
@@ -85,11 +85,13 @@ def _read_path(graph: Any, clearance: np.ndarray) -> Star:
     return read_stars(gateways, (float(points[k][1]), float(points[k][0])))[0].star
 
 
-def _reaches_border(graph: Any, start: int, place: set[int], shape: tuple[int, ...]) -> bool:
-    rest = graph.subgraph(set(graph.nodes) - place)
-    for node in nx.node_connected_component(nx.Graph(rest), start):
-        y, x = graph.nodes[node]["o"]
-        if min(y, x, shape[0] - 1 - y, shape[1] - 1 - x) <= 3:
+def _reaches_border(graph: Any, start: int, place: set[int], clearance: np.ndarray) -> bool:
+    """Tell whether an arm comes as near to the border as a corridor that leads out does."""
+    rest = nx.Graph(graph.subgraph(set(graph.nodes) - place))
+    height, width = clearance.shape
+    for node in nx.node_connected_component(rest, start):
+        y, x = (int(v) for v in graph.nodes[node]["o"])
+        if min(y, x, height - 1 - y, width - 1 - x) <= max(3.0, 1.2 * clearance[y, x]):
             return True
     return False
 
