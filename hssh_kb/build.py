@@ -136,6 +136,7 @@ def build_from_log(
     from perception.localise import covariance_between
     from perception.mapping import draw_map
     from perception.places import detect_places
+    from perception.tile_matching import match_visits
 
     report, clock = progress or _report_nothing, clock or Clock()
     with clock.stage("localise"):
@@ -153,12 +154,15 @@ def build_from_log(
             "pass a corridor crossing, a corner or a dead end"
         )
     visits = expect_readings(visits, local.poses)
+    with clock.stage("match"):
+        lpm_matches = match_visits(visits, local.poses)
     experience = make_experience(
         visits,
         local.poses,
         lambda i, j: covariance_between(local, i, j),
         source=log.source,
         times_s=log.times_s,
+        lpm_matches=lpm_matches,
     )
     with clock.stage("search"):
         report("search", 0, 1)

@@ -95,6 +95,8 @@ class Visit:
     pose : pose (x, y, theta) of the visit in the frame of the drive, metres and radians; an
         annotation for pictures, never evidence.
     time_s : time of the visit in the log, seconds.
+    lpm_matches : earlier visits whose local maps were compared with that of this one, and what
+        that says for one place, nats (log-likelihood ratio).
     """
 
     readings: tuple[Reading, ...]
@@ -102,6 +104,7 @@ class Visit:
     name: str | None = None
     pose: tuple[float, float, float] | None = None
     time_s: float | None = None
+    lpm_matches: tuple[tuple[int, float], ...] = ()
 
     @property
     def star(self) -> Star:
@@ -181,6 +184,29 @@ def hold_types(experience: Experience) -> Experience:
     if experience.has_displacements and has_types(experience):
         return forget_types(experience)
     return experience
+
+
+def read_matches(value: object, v: int) -> tuple[tuple[int, float], ...] | None:
+    """Return ``lpm_matches`` of visit v as read from JSON; None if they are no such thing.
+
+    Examples
+    --------
+    >>> read_matches([[0, 2.5]], 3), read_matches([[3, 2.5]], 3)
+    (((0, 2.5),), None)
+    """
+    if not isinstance(value, list):
+        return None
+    out = []
+    for pair in value:
+        if not (isinstance(pair, list) and len(pair) == 2):
+            return None
+        visit, nats = pair
+        if type(visit) is not int or type(nats) not in (int, float):
+            return None
+        if not (0 <= visit < v and math.isfinite(nats)):
+            return None
+        out.append((visit, float(nats)))
+    return tuple(out)
 
 
 def default_covariance(x: float, y: float) -> list[list[float]]:

@@ -27,6 +27,7 @@ def make_experience(
     *,
     source: str = "",
     times_s: Array | None = None,
+    lpm_matches: Sequence[tuple[tuple[int, float], ...]] = (),
 ) -> Experience:
     """Turn the visits of a drive into an Experience.
 
@@ -37,6 +38,8 @@ def make_experience(
     visits : in order of time.
     poses : (n, 3) poses of the laser, drive frame.
     covariance_between : gives the (3, 3) covariance of the pose of scan j in the frame of scan i.
+    lpm_matches : for each visit, what its local map says on earlier ones; see
+        :func:`perception.tile_matching.match_visits`.
 
     Source
     ------
@@ -54,6 +57,7 @@ def make_experience(
                 displacement,
                 pose=pose,
                 time_s=float(times_s[visit.scan]) if times_s is not None else None,
+                lpm_matches=lpm_matches[v] if lpm_matches else (),
             )
         )
     return Experience(tuple(out), source, SLIP)

@@ -20,7 +20,7 @@ from hssh_kb.errors import InputError
 from hssh_kb.experience import Displacement, Experience
 from hssh_kb.place_filter import Array, Innovation, Prediction
 
-TERMS = ("layout", "heading", "exclusion", "readings", "places", "doubts")
+TERMS = ("layout", "heading", "exclusion", "readings", "places", "doubts", "lpm")
 _LOG_2PI = math.log(2 * math.pi)
 _LOST_PLACES = 25.0  # a robot that may be at any of so many places is lost
 
@@ -34,6 +34,7 @@ class Addends(NamedTuple):
     readings: float
     places: float
     doubts: float
+    lpm: float = 0.0
 
 
 @dataclass(frozen=True)

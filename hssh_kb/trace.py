@@ -21,6 +21,7 @@ from hssh_kb.experience import (
     Visit,
     checked_covariance,
     default_covariance,
+    read_matches,
 )
 from perception.star import Dlp, Star, star_faults
 
@@ -36,6 +37,7 @@ _VISIT_KEYS = {
     "types",
     "pose",
     "time_s",
+    "lpm_matches",
 }
 
 
@@ -188,6 +190,9 @@ def _parse_visit(
     if time_s is not None and not _is_number(time_s):
         faults.add(where, f"'time_s' must be a number, found {time_s!r}")
         time_s = None
+    matches = read_matches(item.get("lpm_matches", []), v)
+    if matches is None:
+        faults.add(where, "'lpm_matches' must be a list of [earlier visit, nats]")
     if best is None or any(reading is None for reading in others):
         return None
     first = replace(best, weight=rest)
@@ -197,6 +202,7 @@ def _parse_visit(
         name if isinstance(name, str) else None,
         (float(pose[0]), float(pose[1]), float(pose[2])) if pose else None,
         float(time_s) if time_s is not None else None,
+        matches or (),
     )
 
 
@@ -358,6 +364,8 @@ def _visit_to_data(visit: Visit) -> dict[str, Any]:
         data["pose"] = list(visit.pose)
     if visit.time_s is not None:
         data["time_s"] = visit.time_s
+    if visit.lpm_matches:
+        data["lpm_matches"] = [list(pair) for pair in visit.lpm_matches]
     if len(visit.readings) > 1:
         data["alternatives"] = [
             {**_reading_to_data(reading), "weight": reading.weight}

@@ -42,6 +42,7 @@ class VisitWeigher:
         self._shapes: list[tuple[int, ...]] = []
         self._shape_of: dict[tuple[tuple[int, ...], tuple[int, ...]], int] = {}
         self._turns: dict[tuple[int, int], tuple[int, ...]] = {}
+        self._lpm: list[tuple[dict[int, float], float]] = []
         self._matches: dict[tuple[int, int, int, int, int], tuple[float, float, float]] = {}
 
     def note_visit(self, visit: Visit) -> int:
@@ -57,6 +58,8 @@ class VisitWeigher:
             if v and reading.arrive is None:
                 raise InputError(f"visit {v}: lacks 'arrive', the dlp faced on arrival")
         self.visits.append(visit)
+        said = dict(visit.lpm_matches)
+        self._lpm.append((said, max(0.0, *said.values()) if said else 0.0))
         self._shapes.append(tuple(map(self._name_shape, visit.readings)))
         return v
 
@@ -132,6 +135,16 @@ class VisitWeigher:
         doubts = (math.log(slip) if doubted else math.log1p(-slip)) if slip else 0.0
         return math.log(reading_weight), doubts
 
+    def weigh_lpm(self, v: int, first: int | None) -> float:
+        """Return what the match of the local maps adds: 0 for what it speaks for most, else less.
+
+        Parameters
+        ----------
+        v : the visit. first : the first visit to the place it is taken to; None for a new one.
+        """
+        said, most = self._lpm[v]
+        return (0.0 if first is None else said.get(first, 0.0)) - most
+
     def weigh_new_places(
         self,
         state: LeafState,
@@ -155,7 +168,7 @@ class VisitWeigher:
         if state.newness is None:
             state.newness = self.score.weigh_new(prediction)
         layout, exclusion = state.newness
-        place = len(state.firsts)
+        place, lpm = len(state.firsts), self.weigh_lpm(v, None)
         for i, reading in enumerate(self.visits[v].readings):
             if lean and i:
                 break
@@ -168,13 +181,13 @@ class VisitWeigher:
                 refusal = Refusal("travel_function", (stands,))
             prior = self.score.place_prior
             yield Option(
-                decision, Addends(layout, heading, exclusion, read, prior, doubts), refusal
+                decision, Addends(layout, heading, exclusion, read, prior, doubts, lpm), refusal
             )
             if self.score.slip and (refusal is not None or not lean):
                 doubts = self._price(1.0, True)[1]
                 yield Option(
                     replace_doubt(decision),
-                    Addends(layout, 0.0, exclusion, read, prior, doubts),
+                    Addends(layout, 0.0, exclusion, read, prior, doubts, lpm),
                     None,
                 )
 
@@ -237,7 +250,8 @@ class VisitWeigher:
             heading += self._weigh_bearings(state, v, depart, decision)
         reading = self.visits[v].readings[decision.reading]
         read, doubts = self._price(reading.weight, decision.doubted)
-        return Addends(layout, heading, 0.0, read, 0.0, doubts)
+        lpm = self.weigh_lpm(v, state.firsts[decision.place])
+        return Addends(layout, heading, 0.0, read, 0.0, doubts, lpm)
 
     def _weigh_bearings(
         self, state: LeafState, v: int, depart: int | None, decision: Decision

@@ -1,6 +1,7 @@
 """The posterior score: densities that are normalised, exclusion, headings, bad parameters."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from hssh_kb.layout import lay_out_hypothesis
 from hssh_kb.map_tree import score_hypothesis
 from hssh_kb.place_filter import PlaceFilter
 from hssh_kb.score import TERMS, Score, estimate_score
+from hssh_kb.trace import experience_from_data, experience_to_data
 
 
 def _move(x, y, theta=0.0, sigma=0.1, heading=0.02):
@@ -191,3 +193,34 @@ def test_a_hypothesis_that_does_not_fit_is_told():
     bad = Hypothesis((*whole.visits[:odd], 0), (*whole.offsets[:odd], 0))
     with pytest.raises(InputError, match=f"visit {odd} does not match the star of place 0"):
         score_hypothesis(truth.experience, bad, estimate_score(truth.experience))
+
+
+@pytest.mark.parametrize("nats", [3.0, -2.5])
+def test_the_match_of_local_maps_counts_for_the_closure_and_never_above_zero(nats):
+    truth = _truth(3, travels=30)
+    score, whole = estimate_score(truth.experience), truth.hypothesis()
+    later = max(v for v, first in enumerate(whole.visits) if first != v)
+    apart = Hypothesis(
+        tuple(v if v == later else first for v, first in enumerate(whole.visits)),
+        tuple(0 if v == later else r for v, r in enumerate(whole.offsets)),
+    )
+    visits = list(truth.experience.visits)
+    visits[later] = replace(visits[later], lpm_matches=((whole.visits[later], nats),))
+    said = replace(truth.experience, visits=tuple(visits))
+    gain = []
+    for experience in (truth.experience, said):
+        one, other = (score_hypothesis(experience, h, score) for h in (whole, apart))
+        gain.append(one.log_posterior - other.log_posterior)
+        assert max(one.terms["lpm"], other.terms["lpm"]) <= 0
+    assert gain[1] - gain[0] == pytest.approx(nats)
+
+
+def test_matches_of_local_maps_are_kept_in_a_trace_and_checked():
+    truth = _truth(3, travels=4)
+    visits = list(truth.experience.visits)
+    visits[2] = replace(visits[2], lpm_matches=((0, 1.5), (1, -2.0)))
+    data = experience_to_data(replace(truth.experience, visits=tuple(visits)))
+    assert experience_from_data(data).visits[2].lpm_matches == ((0, 1.5), (1, -2.0))
+    data["visits"][2]["lpm_matches"] = [[2, 1.0]]
+    with pytest.raises(InputError, match="earlier visit"):
+        experience_from_data(data)

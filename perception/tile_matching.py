@@ -1,0 +1,206 @@
+"""Matching of stored LPMs: how well the local maps of two visits fit if they show one place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.geometry import Array
+from perception.grid import Frame, Image, classify
+from perception.places import PlaceVisit
+
+NEAR_M = 0.15
+"""A wall that lies so near to a wall of the other map is the same wall."""
+SHIFT_M, COARSE_M, FINE_M = 0.9, 0.3, 0.15
+"""How far two visits to one place may find its centre apart, and the two steps of the search."""
+TURN_RAD, COARSE_RAD, FINE_RAD = 0.24, 0.08, 0.04
+"""How far drift may have turned one map against the other, and the two steps of the search."""
+POINTS = (120, 400)
+"""Walls looked up in the first and in the second search."""
+LEAST_SHARE = 0.25
+"""Nothing is said unless so many of the walls lie where the other map knows the space."""
+
+EVEN_SHARE, NATS_PER_SHARE = 0.72, 15.0
+"""At this share one place is as likely as two; how fast that changes (recorded logs)."""
+ALIAS_M = (1.6, 2.4, 3.2)
+"""A place that fits itself when moved so far fits its neighbours, too."""
+LEAST_NATS, MOST_NATS = -2.5, 3.0
+"""Bounds of what one match says: one place may look changed, two may look alike."""
+
+NEAR_VISIT_M, DRIFT = 4.0, 0.02
+"""Visits nearer than this, and this share of the way driven between them, are compared."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tile:
+    """The stored LPM of a visit, made ready for matching.
+
+    Attributes
+    ----------
+    image : grey image of the LPM. frame : of the visit, its origin at the centre of the place.
+    """
+
+    image: Image
+    frame: Frame
+
+    @cached_property
+    def walls_m(self) -> Array:
+        """(n, 2) occupied cells, frame of the visit, metres."""
+        rows, columns = np.nonzero(classify(self.image).occupied)
+        return self.frame.to_metres(np.column_stack([columns, rows]))
+
+    @cached_property
+    def fine(self) -> NDArray[np.int8]:
+        """(H, W) 1 near a wall, 0 where it is free, -1 where unknown."""
+        return self._draw(NEAR_M)
+
+    @cached_property
+    def coarse(self) -> NDArray[np.int8]:
+        """As :attr:`fine`, with a wider idea of near."""
+        return self._draw(NEAR_M + COARSE_M / 2)
+
+    @cached_property
+    def alias(self) -> float:
+        """How well the tile fits itself when moved: near 1 on a bare corridor."""
+        angles = np.arange(0.0, 2 * np.pi, np.pi / 8)
+        ring = np.column_stack([np.cos(angles), np.sin(angles), 0 * angles])
+        moves = np.concatenate([r * ring for r in ALIAS_M])
+        return float(_rate_poses(self, self, moves, 1).max()) if len(self.walls_m) else 1.0
+
+    def _draw(self, near_m: float) -> NDArray[np.int8]:
+        cells = classify(self.image)
+        far = cv2.distanceTransform((~cells.occupied).view(np.uint8), cv2.DIST_L2, 5)
+        near = np.asarray(far) * self.frame.resolution_m <= near_m
+        return np.where(near, 1, np.where(cells.free, 0, -1)).astype(np.int8)
+
+
+def rate_match(first: Tile, second: Tile, turn_rad: float = 0.0) -> float | None:
+    """Rate how well two tiles fit if they show one place.
+
+    Parameters
+    ----------
+    first, second : the tiles. turn_rad : heading of the second frame in the first, about.
+
+    Returns
+    -------
+    Of the walls of each that lie where the other knows the space, the share that lies near a wall
+    of the other, under the best small shift and turn, 0 to 1; None where too little is common.
+
+    Source
+    ------
+    Ours; after the alignment of the LPMs of a revisited place by obstacles, Beeson 2008, 9.3.1.
+    """
+    if not len(first.walls_m) or not len(second.walls_m):
+        return None
+    steps = _list_steps(SHIFT_M, COARSE_M)
+    poses = [
+        (x, y, turn_rad + t)
+        for t in _list_steps(TURN_RAD, COARSE_RAD)
+        for x in steps
+        for y in steps
+    ]
+    rough = _rate_poses(first, second, np.array(poses), 0)
+    x, y, turn = poses[int(np.argmax(rough))]
+    near, turns = _list_steps(FINE_M, FINE_M), _list_steps(FINE_RAD, FINE_RAD)
+    local = np.array([(x + a, y + b, turn + t) for t in turns for a in near for b in near])
+    best = float(_rate_poses(first, second, local, 1).max())
+    return best if best >= 0 else None
+
+
+def _list_steps(half: float, step: float) -> list[float]:
+    count = round(half / step)
+    return [step * k for k in range(-count, count + 1)]
+
+
+def _rate_poses(first: Tile, second: Tile, poses: Array, stage: int) -> Array:
+    """Return the share of common walls for each pose (k, 3) of the second; -1 for too few."""
+    ours, theirs = _thin(first.walls_m, POINTS[stage]), _thin(second.walls_m, POINTS[stage])
+    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    turn = np.stack([np.stack([c, -s], 1), np.stack([s, c], 1)], 1)
+    shift = poses[:, None, :2]
+    there = np.einsum("nj,kij->kni", theirs, turn) + shift
+    back = np.einsum("knj,kji->kni", ours[None] - shift, turn)
+    hits, known = _look_up(first, there, stage)
+    more, also = _look_up(second, back, stage)
+    hits, known = hits + more, known + also
+    enough = known >= LEAST_SHARE * (len(ours) + len(theirs))
+    return np.asarray(np.where(enough, hits / np.maximum(known, 1), -1.0), float)
+
+
+def _thin(points: Array, count: int) -> Array:
+    if len(points) <= count:
+        return points
+    return np.asarray(points[np.linspace(0, len(points) - 1, count).astype(int)], float)
+
+
+def _look_up(tile: Tile, points_m: Array, stage: int) -> tuple[Array, Array]:
+    """Return for sets of points (k, n, 2) how many lie near a wall, and how many in known space."""
+    field = tile.fine if stage else tile.coarse
+    padded = np.pad(field, 1, constant_values=-1)
+    cells = np.rint(tile.frame.to_pixels(points_m)).astype(np.int32) + 1
+    column = np.clip(cells[..., 0], 0, padded.shape[1] - 1)
+    row = np.clip(cells[..., 1], 0, padded.shape[0] - 1)
+    found = padded[row, column]
+    return (found > 0).sum(axis=1), (found >= 0).sum(axis=1)
+
+
+def weigh_match(share: float, alias: float = 0.0) -> float:
+    """Return how much a match speaks for one place: a log-likelihood ratio, nats.
+
+    Parameters
+    ----------
+    share : of walls that fit. alias : share that would fit though the places were two.
+
+    Examples
+    --------
+    >>> weigh_match(0.95), weigh_match(0.72), weigh_match(0.4), weigh_match(0.9, alias=0.95)
+    (3.0, 0.0, -2.5, 0.0)
+    """
+    over = share - max(EVEN_SHARE, alias)
+    off = over if over > 0 else min(share - EVEN_SHARE, 0.0)
+    return float(np.clip(NATS_PER_SHARE * off, LEAST_NATS, MOST_NATS))
+
+
+def match_visits(
+    visits: Sequence[PlaceVisit], poses: Array
+) -> tuple[tuple[tuple[int, float], ...], ...]:
+    """Match the LPM of each visit with those of earlier visits that may have been to its place.
+
+    Parameters
+    ----------
+    visits : in order of time. poses : (n, 3) of the laser, drive frame.
+
+    Returns
+    -------
+    For each visit pairs of an earlier visit and what the match says, nats; see
+    :func:`weigh_match`. Visits too far apart to be compared are left out.
+    """
+    legs = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    driven = np.concatenate([[0.0], np.cumsum(legs)])
+    tiles = [_make_tile(visit) for visit in visits]
+    out = []
+    for v, visit in enumerate(visits):
+        found = []
+        for u, other in enumerate(visits[:v]):
+            way = float(driven[visit.scan] - driven[other.scan])
+            apart = float(np.hypot(*(other.centre_m - visit.centre_m)))
+            if apart > NEAR_VISIT_M + DRIFT * way:
+                continue
+            share = rate_match(tiles[u], tiles[v])
+            if share is not None:
+                alias = min(tiles[u].alias, tiles[v].alias)
+                found.append((u, weigh_match(share, alias)))
+        out.append(tuple(found))
+    return tuple(out)
+
+
+def _make_tile(visit: PlaceVisit) -> Tile:
+    frame, (x, y) = visit.tile_frame, visit.centre_m
+    return Tile(
+        visit.tile, Frame(frame.left_m - float(x), frame.top_m - float(y), frame.resolution_m)
+    )
