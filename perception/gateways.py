@@ -27,7 +27,7 @@ from perception.virtual_walls import Sides, VirtualWalls, is_open, see_virtual_w
 
 Method = Literal["anchor", "constriction"]
 Direction = Literal["fit", "heading"]
-_LEADS_FAR = 2.0
+LEADS_FAR = 2.0
 """Beyond this multiple of the least depth, a branch is the surer the farther it leads."""
 Point = tuple[float, float]
 
@@ -283,7 +283,7 @@ def _confide(arm: Arm, depth_px: float, min_frontier_px: float, min_depth_px: fl
     """
     if arm.frontier_px <= 0:
         return 1.0  # a loop: it leads back here
-    far = max(depth_px / min_depth_px - _LEADS_FAR, 0.0) if min_depth_px > 0 else 0.0
+    far = max(depth_px / min_depth_px - LEADS_FAR, 0.0) if min_depth_px > 0 else 0.0
     width_px = arm.frontier_px + far * min_frontier_px
     sure = 1.0
     for value, limit in ((width_px, min_frontier_px), (depth_px, min_depth_px)):
