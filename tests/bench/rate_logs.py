@@ -1,0 +1,160 @@
+"""How well the places, stars and closures of a knowledge base agree with lists drawn by hand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from hssh_kb.experience import Reading
+from hssh_kb.kb import KnowledgeBase
+from perception.geometry import wrap_angle
+
+HIT_M, ALSO_M, ALONG_M = 3.5, 2.6, 8.0
+"""A visit so near to a listed place, and so near along the drive to its passing, is a hit; one so
+near to an opening that may or may not count is neither right nor wrong."""
+SAME_M, OTHER_M = 1.5, 4.0
+"""Visits nearer than the one are to one place, farther apart than the other to two."""
+
+
+@dataclass(frozen=True)
+class PlaceRates:
+    """Shares of listed passages found, of visits that are right, of stars that agree.
+
+    Attributes
+    ----------
+    passages : how often the drive passes a listed place. recall : share of them with a visit.
+    raw : share of all visits that are at a listed place. precision : the same, visits at listed
+        side openings and doors left out.
+    arms : share of hits whose best star has the listed arms.
+    pairs, equal : pairs of visits to one listed place, and the share with equal best stars.
+    second : share of (visit, other visit) whose best star is one of the two best of the other.
+    """
+
+    passages: int
+    recall: float
+    raw: float
+    precision: float
+    arms: float
+    pairs: int
+    equal: float
+    second: float
+
+
+def rate_places(kb: KnowledgeBase, truth: dict) -> PlaceRates:
+    """Compare the visits with a list of places, openings and doors."""
+    poses, scans = kb.trajectory.corrected, kb.trajectory.visit_scans
+    listed = truth["places"]
+    also = np.array([*truth["also"], *truth.get("doors", [])], float).reshape(-1, 2)
+    passes = sorted(p for k, place in enumerate(listed) for p in _passes(poses, place["at"], k))
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
+    used: dict[int, int] = {}
+    for scan, k in passes:
+        near = [
+            (abs(way[scans[v]] - way[scan]), v)
+            for v in range(len(scans))
+            if v not in used and np.hypot(*(poses[scans[v], :2] - listed[k]["at"])) < HIT_M
+        ]
+        if near and min(near)[0] < ALONG_M:
+            used[min(near)[1]] = k
+    rest = [poses[scans[v], :2] for v in range(len(scans)) if v not in used]
+    wrong = [at for at in rest if not len(also) or np.hypot(*(also - at).T).min() > ALSO_M]
+    pairs = [(a, b) for a, b in combinations(sorted(used), 2) if used[a] == used[b]]
+    arms = [_arms_agree(kb, v, listed[k]["arms"]) for v, k in used.items()]
+    return PlaceRates(
+        len(passes),
+        len(used) / max(len(passes), 1),
+        len(used) / max(len(scans), 1),
+        len(used) / max(len(used) + len(wrong), 1),
+        float(np.mean(arms or [0])),
+        len(pairs),
+        *rate_stars(kb, pairs),
+    )
+
+
+def rate_stars(kb: KnowledgeBase, pairs: list[tuple[int, int]]) -> tuple[float, float]:
+    """Return the shares of pairs with equal best stars, and of best stars among the two best."""
+    equal, second = list[bool](), list[bool]()
+    for a, b in pairs:
+        one, other = kb.experience.visits[a].readings, kb.experience.visits[b].readings
+        equal.append(_is_equal(one[0], other[0]))
+        second.append(any(_is_equal(one[0], reading) for reading in other[:2]))
+        second.append(any(_is_equal(other[0], reading) for reading in one[:2]))
+    return float(np.mean(equal or [1])), float(np.mean(second or [1]))
+
+
+def _is_equal(a: Reading, b: Reading) -> bool:
+    return bool(a.star.isomorphisms(b.star))
+
+
+def pair_visits(kb: KnowledgeBase) -> list[tuple[int, int]]:
+    """Return the pairs of visits to one spot, for rooms without a list of crossings."""
+    at = kb.trajectory.corrected[kb.trajectory.visit_scans, :2]
+    pairs = combinations(range(len(at)), 2)
+    return [(a, b) for a, b in pairs if np.hypot(*(at[a] - at[b])) <= SAME_M]
+
+
+def rate_closures(kb: KnowledgeBase) -> tuple[float, float]:
+    """Precision and recall of "these two visits are one place" against the corrected poses.
+
+    Neighbouring doors lie two to four metres apart, and the robot passes a place up to two metres
+    from its centre: pairs in between are left open.
+    """
+    at = kb.trajectory.corrected[kb.trajectory.visit_scans, :2]
+    visits = kb.hypotheses[0].visits
+    right = claimed = same = 0
+    for a, b in combinations(range(len(visits)), 2):
+        apart = float(np.hypot(*(at[a] - at[b])))
+        if SAME_M < apart < OTHER_M:
+            continue
+        truly, says = apart <= SAME_M, visits[a] == visits[b]
+        claimed += says
+        same += truly
+        right += says and truly
+    return right / max(claimed, 1), right / max(same, 1)
+
+
+def _passes(poses: np.ndarray, at: list[float], k: int) -> list[tuple[int, int]]:
+    """Return (scan, place) of each passage of the drive within three metres of a place."""
+    distance = np.hypot(*(poses[:, :2] - at).T)
+    out, i = [], 0
+    while i < len(distance):
+        if distance[i] >= 3.0:
+            i += 1
+            continue
+        j = i
+        while j + 1 < len(distance) and distance[j + 1] < 5.0:
+            j += 1
+        out.append((i + int(np.argmin(distance[i : j + 1])), k))
+        i = j + 1
+    return out
+
+
+def _arms_agree(kb: KnowledgeBase, v: int, arms_deg: list[float]) -> bool:
+    """Tell whether the best star has the listed arms, each within 45 degrees."""
+    reading = kb.experience.visits[v].readings[0]
+    # Headings are in the drive frame; the heading of the visit in the corrected frame is found
+    # from the laser, whose pose the log gives in both.
+    turn = _drive_turn(kb, v)
+    have = sorted(
+        (h + turn) % (2 * np.pi)
+        for h, alpha in zip(reading.headings, reading.star.alpha, strict=True)
+        if alpha
+    )
+    want = sorted(np.deg2rad(arms_deg) % (2 * np.pi))
+    if len(have) != len(want):
+        return False
+    n = len(want)
+    return any(
+        all(abs(wrap_angle(have[(q + s) % n] - want[q])) < np.pi / 4 for q in range(n))
+        for s in range(n)
+    )
+
+
+def _drive_turn(kb: KnowledgeBase, v: int) -> float:
+    if kb.record.options["poses"] == "corrected":
+        return 0.0
+    hypothesis, scan = kb.hypotheses[0], int(kb.trajectory.visit_scans[v])
+    laid = kb.layouts[0].poses[hypothesis.places.index(hypothesis.visits[v]), 2]
+    return float(kb.trajectory.corrected[scan, 2] - kb.trajectory.poses[scan, 2] + laid)
