@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import heapq
 import math
+from collections.abc import Callable
 
 from hssh_kb.errors import InputError
 from hssh_kb.experience import Experience, Visit
@@ -34,6 +35,7 @@ _SLACK_NATS = 16.0  # maps that far below the best of their depth wait
 _REVISED_WORK = 60_000  # units of work for one revision at most, where travels slip
 _REPAIRS = 16  # repairs of one depth carried out at a time
 _PROMISE_NATS = 8.0  # ... if they promise a map that near the best one
+_SWEPT = 0.5  # share of the budget for the fronts where travels slip; the rest is for revising
 _DETOURS = 4  # maps grown for each visit at most to get to the end when the budget is spent
 
 
@@ -175,10 +177,10 @@ class TreeOfMaps:
                 item = -repair.estimate, self._serial, repair
                 heapq.heappush(self._repairs[node.visit + 1], item)
 
-    def _repair(self, depth: int, budget: Budget) -> None:
+    def _repair(self, depth: int, is_over: Callable[[], bool]) -> None:
         """Carry out the repairs that promise a map of a depth near the best one."""
         todo, done = self._repairs[depth], 0
-        while todo and done < _REPAIRS and not budget.is_spent():
+        while todo and done < _REPAIRS and not is_over():
             if -todo[0][0] < self._fronts.peak(depth) - _PROMISE_NATS:
                 return
             made = heapq.heappop(todo)[2].carry_out(self.tree)
@@ -228,20 +230,21 @@ class TreeOfMaps:
         if last < 1:
             return
         budget = Budget(lambda: self.tree.work, budget_work, budget_s)
-        self._sweep(budget)
-        if budget.is_spent():
+        slips = self.score.slip > 0
+        self._sweep(lambda: budget.is_spent(_SWEPT if slips else 1.0))
+        if not self._has_complete():
             self._finish()
-        if self.score.slip > 0:
+        if slips:
             self._revise(last, budget, 4)
-        self.spent = budget.is_spent()
+        self.spent = budget.is_spent() or self._swept < last and self._fronts.count_leaves() > 0
 
-    def _sweep(self, budget: Budget) -> None:
+    def _sweep(self, is_over: Callable[[], bool]) -> None:
         """Let the front of each depth grow, from the first that may have changed to the last."""
         fronts, last = self._fronts, len(self._visits) - 1
         depth = self._swept
-        while depth < last and not budget.is_spent():
-            self._widen(depth, budget)
-            self._repair(depth + 1, budget)
+        while depth < last and not is_over():
+            self._widen(depth, is_over)
+            self._repair(depth + 1, is_over)
             if fronts.living[depth + 1]:
                 depth += 1
             elif any(fronts.living[:last]) or fronts.bring_back():
@@ -250,10 +253,10 @@ class TreeOfMaps:
                 break
         self._swept = min(depth, last)
 
-    def _widen(self, depth: int, budget: Budget) -> None:
+    def _widen(self, depth: int, is_over: Callable[[], bool]) -> None:
         """Grow the best waiting maps of a depth until its front is as wide as it should be."""
         fronts = self._fronts
-        while fronts.count_grown(depth) < _WIDTH and not budget.is_spent():
+        while fronts.count_grown(depth) < _WIDTH and not is_over():
             top = fronts.top(depth)
             near = top >= fronts.peak(depth) - _SLACK_NATS
             if top == -math.inf or not (near or fronts.count_grown(depth) == 0):
