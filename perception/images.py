@@ -12,7 +12,7 @@ from perception.grid import UNKNOWN, Image
 from perception.image_header import ImageHeader, find_damage, read_image_header
 
 MOST_CELLS = 100_000_000
-BYTES_A_CELL = 25
+BYTES_A_CELL = 35
 """Memory that reading an image and finding its skeleton takes at most, as measured."""
 
 _HEAD_BYTES = 65536

@@ -21,6 +21,7 @@ from perception.grid import Cells, Mask
 
 Index = NDArray[np.int64]
 _FULL = np.ones((3, 3), np.uint8)
+_DEEP_SHARE = 12.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +90,7 @@ def find_region(
 
     Raises
     ------
-    InputError : the robot is outside the grid, or no passable cell is near it.
+    InputError : the robot is outside the grid or deep in a wall, or no passable cell is near it.
 
     Source
     ------
@@ -180,16 +181,19 @@ def _reach(
     if radius_px > 1.5:
         distance = cv2.distanceTransform((~occupied).view(np.uint8), cv2.DIST_L2, 5)
         wide[np.asarray(distance < radius_px)] = 0
-    start = _stand(wide, occupied, robot_px)
+    start = _stand(wide, occupied, robot_px, radius_px)
     flood = cv2.copyMakeBorder(1 - wide, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=1)
     cv2.floodFill(wide, flood, start, 2, flags=4)
     return _grow((wide == 2).view(np.uint8), 3).view(bool), start
 
 
 def _stand(
-    wide: NDArray[np.uint8], occupied: Mask, robot_px: tuple[float, float]
+    wide: NDArray[np.uint8], occupied: Mask, robot_px: tuple[float, float], radius_px: float
 ) -> tuple[int, int]:
-    """Return the passable cell nearest to the robot that no wall hides from it."""
+    """Return the passable cell nearest to the robot that no wall hides from it.
+
+    Somebody beside the robot may make its place look occupied; it is not deep in a wall, though.
+    """
     height, width = wide.shape
     column, row = float(robot_px[0]), float(robot_px[1])
     if not (-0.5 <= column <= width - 0.5 and -0.5 <= row <= height - 0.5):
@@ -203,8 +207,15 @@ def _stand(
     rows, columns = np.nonzero(wide)
     order = np.argsort((rows - y) ** 2 + (columns - x) ** 2)[:400]
     own = int(occupied[y, x])
+    deepest = max(2.0 * radius_px, min(width, height) / _DEEP_SHARE)
     for k in order:
         target = int(columns[k]), int(rows[k])
+        deep = math.hypot(target[0] - x, target[1] - y)
+        if own and deep > deepest:
+            raise InputError(
+                f"the robot at column {x}, row {y} stands in a wall, {deep:.0f} cells from free "
+                "space; give a place that is free"
+            )
         steps = max(abs(target[0] - x), abs(target[1] - y)) + 1
         line_x = np.linspace(x, target[0], steps).round().astype(int)
         line_y = np.linspace(y, target[1], steps).round().astype(int)

@@ -314,6 +314,15 @@ def test_narrow_frontiers_and_shallow_exits_are_no_exits() -> None:
     assert len(local_topology(image, **metric, min_frontier_m=0.5, min_depth_m=3).gateways) == 2
 
 
+def test_a_robot_in_a_wall_is_told_but_not_one_that_touches_it() -> None:
+    image = blank(200)
+    image[80:120, :] = 255
+    for row in (20, 55, 145):
+        with pytest.raises(InputError, match=r"stands in a wall, .* cells from free"):
+            local_topology(image, robot_px=(100, row))
+    assert str(local_topology(image, robot_px=(100, 76)).star) == "a+1 a-1"
+
+
 def test_unknown_space_is_an_exit_not_a_wall() -> None:
     image = blank(200)
     image[80:120, :] = 255
