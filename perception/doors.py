@@ -46,9 +46,10 @@ class DoorRule:
     block_in_line : of the first 2 m beyond an end.
     opening, in_line_near : either it opens so many times wider on both sides, and a wall goes on in
         line for this share of the first 0.8 m beyond an end;
-    sure_opening, sure_width_m, sure_in_line, sure_detour_m : whatever its ends are: it opens so
-        many times wider on both sides, is no wider than this, a wall goes on in line for this share
-        of the first 2 m and of the first 0.8 m, and the way round is longer than this.
+    sure_opening, sure_width_m, sure_in_line, sure_detour_m, sure_thick_m : even if an end is a
+        short piece of wall, no thicker than the last: it opens so many times wider on both sides,
+        is no wider than this, a wall goes on in line for this share of the first 2 m and of the
+        first 0.8 m, and the way round is longer than this.
     wide_opening, space_m, in_line : or it opens so many times wider, into spaces this wide, and a
         wall goes on in line for this share of the first 2 m beyond an end.
 
@@ -61,7 +62,7 @@ class DoorRule:
     detour_m: float = 10.0
     area_m2: float = 1.0
     thing_m: float = 2.0
-    block_m: tuple[float, float] = (5.5, 1.1)
+    block_m: tuple[float, float] = (5.5, 0.9)
     block_in_line: float = 0.8
     opening: float = 1.55
     in_line_near: float = 0.5
@@ -69,6 +70,7 @@ class DoorRule:
     sure_width_m: float = 1.5
     sure_in_line: float = 0.9
     sure_detour_m: float = 5.0
+    sure_thick_m: float = 0.55
     wide_opening: float = 1.25
     space_m: float = 1.9
     in_line: float = 0.85
@@ -110,6 +112,7 @@ def find_doors(
     sure = (opening >= rule.sure_opening) & (width <= rule.sure_width_m)
     sure &= np.minimum(evidence.in_line, evidence.in_line_near) >= rule.sure_in_line
     sure &= evidence.detour_m >= rule.sure_detour_m
+    sure &= ~_find_blocks(evidence, (rule.thing_m, rule.sure_thick_m))
     return np.asarray((door | sure) & (evidence.area_m2 >= rule.area_m2))
 
 

@@ -3,8 +3,10 @@
 Doors of the UT Austin GDC building (floors 1 and 3 were looked at while the rules were made, 3ne is
 another map of a part of floor 3; floors 2 and 4 have no map here), contacts of rooms of
 ipa_room_segmentation (20 floors, derived from its segmentation; looked at too), connections and
-junctions of hand-made graphs (STRANDS, AMRL; looked at while the limits for specks, the midline
-and furniture were chosen). Nothing here is held out.
+junctions of hand-made graphs (STRANDS tsc and aaf_y3 were looked at while the limits for specks,
+the midline and furniture were chosen; aaf_y4 and the AMRL floors only to compare two or three
+settings). Rules for mouths were tried on one half of the ipa floors and had to hold on the other;
+otherwise nothing here is held out.
 """
 
 from __future__ import annotations
@@ -12,23 +14,28 @@ from __future__ import annotations
 import os
 import resource
 import time
+from pathlib import Path
 
+import cv2
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from perception.floor_map import FloorMap, explore_floor
-from perception.grid import Frame
+from perception.floor_map import FloorGateway, FloorMap, explore_floor
+from perception.grid import FREE, Frame
 from tests.bench.floor_truth import (
     STRANDS,
+    Floor,
     HandGraph,
     list_ipa,
     load_amrl,
     load_gdc,
+    load_gdc_openings,
     load_ipa,
     load_strands,
 )
+from tests.bench.pictures import save_sheet
 
 HIT_M = 0.6
 UNMAPPED = {"d3_402", "d3_404"}
@@ -37,10 +44,15 @@ UNMAPPED = {"d3_402", "d3_404"}
 GDC_TRIAL = {"1": (14, 14, 13, 0.72), "3": (33, 32, 29, 0.46), "3ne": (22, 21, 20, 0.57)}
 """Mapped doors; the trial's gateways at them, typed doors at them, and precision of these."""
 
-IPA_TRIAL = ("0.87 / 0.85 or 0.79 / 0.97",)
+IPA_TRIAL = "0.87 / 0.85 or 0.79 / 0.97"
 CONNECTIONS = {"aachen": (0.98, 1.00), "tsc": (0.90, 0.83), "aaf_y3": (0.98, 0.98)}
 JUNCTIONS = {"aachen": (0.70, 0.59), "tsc": (0.55, 0.44), "aaf_y3": (0.50, 0.35)}
-AMRL_TRIAL = {"GDC1": (1.0, 1.0), "AHG2": (0.79, 0.57), "GDC3": (0.69, 0.14)}
+AMRL_TRIAL: dict[str, tuple[float, float]] = {
+    "GDC1": (1.0, 1.0),
+    "AHG2": (0.79, 0.57),
+    "GDC3": (0.69, 0.14),
+}
+OTHERS = ("GDC2", "AHG_Apartment")
 MOST_SECONDS_4MP, MOST_MB = 1.0, 400
 
 
@@ -73,14 +85,15 @@ def _report_doors() -> bool:
     print(
         f"{'GDC floor':10}{'gateway at door':>17}{'(trial)':>9}{'typed door':>12}{'(trial)':>9}"
         f"{'precision':>11}{'(trial)':>9}"
+        f"{'openings listed':>17}{'and bays':>10}{'listed found':>14}"
     )
-    good = True
+    total = np.zeros(7, int)
+    pictures = list[np.ndarray]()
     for name, (mapped, gateways, typed, precision) in GDC_TRIAL.items():
         floor = load_gdc(name)
         if floor is None:
-            continue
-        parts = explore_all(floor.image, floor.frame)
-        found = [g for part in parts for g in part.gateways]
+            return True
+        found = [g for part in explore_all(floor.image, floor.frame) for g in part.gateways]
         at = np.array([g.centre_m for g in found])
         door = np.array([g.kind == "door" for g in found])
         hits, door_hits, near = 0, 0, np.zeros(len(found), bool)
@@ -90,20 +103,58 @@ def _report_doors() -> bool:
             if label not in UNMAPPED:
                 hits += bool(close.any())
                 door_hits += bool((close & door).any())
-        share = float((near & door).sum() / max(door.sum(), 1))
+        listed = load_gdc_openings(name)
+        right, seen = [near & door], 0
+        for kind in ("opening", "bay"):
+            reached = right[-1].copy()
+            for middle in listed[kind]:
+                close = door & (np.hypot(*(at - middle).T) <= HIT_M)
+                reached |= close
+                seen += bool(close.any())
+            right.append(reached)
+        count = [int(part.sum()) for part in right]
+        claimed = max(int(door.sum()), 1)
         print(
             f"{name:10}{hits:>14}/{mapped}{gateways:9}{door_hits:>9}/{mapped}{typed:9}"
-            f"{share:11.2f}{precision:9.2f}"
+            f"{count[0] / claimed:11.2f}{precision:9.2f}{count[1] / claimed:17.2f}"
+            f"{count[2] / claimed:10.2f}{seen:>11}/{sum(map(len, listed.values()))}"
         )
-        good &= _tell_miss(
-            name,
-            {
-                "gateways at doors": (hits / mapped, 0.97),
-                "typed doors": (door_hits / mapped, 0.90),
-                "precision": (share, 0.60),
-            },
-        )
-    return good
+        total += [hits, mapped, door_hits, claimed, *count]
+        wrong = np.flatnonzero(door & ~near).tolist()
+        pictures += [_draw_opening(floor, found[k], bool(right[2][k])) for k in wrong]
+    path = save_sheet("gdc_doors", pictures)
+    hits, mapped, door_hits, claimed, raw, openings, bays = total.tolist()
+    print(
+        f"{'together':10}{hits:>14}/{mapped}{'':9}{door_hits:>9}/{mapped}{'':9}"
+        f"{raw / claimed:11.2f}{'':9}{openings / claimed:17.2f}{bays / claimed:10.2f}\n"
+        f"    doors that the annotation lacks, green if listed by hand: {path}"
+    )
+    return _tell_miss(
+        "GDC",
+        {
+            "gateways at doors": (hits / mapped, 0.97),
+            "typed doors": (door_hits / mapped, 0.90),
+            "precision": (raw / claimed, 0.60),
+            "precision, openings listed": (openings / claimed, 0.85),
+        },
+    )
+
+
+def _draw_opening(floor: Floor, gateway: FloorGateway, listed: bool) -> np.ndarray:
+    """Return the 9 m around a gateway."""
+    half = 90
+    middle = np.round(floor.frame.to_pixels(np.array(gateway.centre_m))).astype(int)
+    padded = np.pad(floor.image, half, constant_values=205)
+    x, y = middle.tolist()
+    part = cv2.cvtColor(padded[y : y + 2 * half, x : x + 2 * half], cv2.COLOR_GRAY2BGR)
+    part = cv2.resize(part, None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
+    ends = (floor.frame.to_pixels(np.array(gateway.ends_m)) - middle + half) * 2 + 1
+    colour = (0, 150, 0) if listed else (0, 0, 230)
+    one, other = np.round(ends).astype(int).tolist()
+    cv2.line(part, one, other, colour, 3, cv2.LINE_AA)
+    where = "({:.1f}, {:.1f}) m".format(*gateway.centre_m)
+    cv2.putText(part, where, (6, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, colour, 1, cv2.LINE_AA)
+    return part
 
 
 def _distance_to_segment(points: np.ndarray, segment: np.ndarray) -> np.ndarray:
@@ -114,42 +165,53 @@ def _distance_to_segment(points: np.ndarray, segment: np.ndarray) -> np.ndarray:
 
 
 def _report_contacts() -> bool:
-    print(f"\n{'ipa, 20 floors':16}{'contacts':>9}{'recall':>8}{'door-size':>10}{'precision':>10}")
+    print(
+        f"\n{'ipa, 20 floors':24}{'contacts':>9}{'recall':>8}{'door-size':>10}{'precision':>10}"
+        f"   trial, loose or strict: {IPA_TRIAL}"
+    )
     good = True
     for furnished in (False, True):
-        hits = total = small_hits = small = right = claimed = 0
-        for truth in list_ipa():
-            image, frame, contacts = load_ipa(truth, furnished=furnished)
-            floor = explore_floor(image, frame)
-            doors = [g.centre_m for g in floor.gateways if g.kind != "narrowing"]
-            at = np.array(doors).reshape(-1, 2)
-            near = np.zeros(len(at), bool)
-            for points, width in contacts:
-                hit = bool((np.hypot(*(at - points.mean(axis=0)).T) <= HIT_M).any())
-                hits, total = hits + hit, total + 1
-                small_hits, small = small_hits + (hit and width <= 1.7), small + (width <= 1.7)
-                near |= cKDTree(points).query(at)[0] <= HIT_M if len(at) else False
-            right, claimed = right + int(near.sum()), claimed + len(near)
-        if not total:
+        halves = np.zeros((2, 6), int)
+        for number, truth in enumerate(list_ipa()):
+            halves[number % 2] += _count_contacts(truth, furnished=furnished)
+        if not halves.any():
             return True
-        recall, precision = hits / total, right / claimed
-        print(
-            f"{'furnished' if furnished else 'empty':16}{total:9}{recall:8.3f}"
-            f"{small_hits / small:10.3f}{precision:10.3f}"
-            + (f"   trial, loose or strict: {IPA_TRIAL[0]}" if furnished else "")
-        )
-        if furnished:
-            good = _tell_miss("ipa", {"recall": (recall, 0.90), "precision": (precision, 0.95)})
+        for told, counts in (
+            ("", halves.sum(axis=0)),
+            *zip((", half", ", other"), halves, strict=True),
+        ):
+            hits, total, small_hits, small, right, claimed = counts.tolist()
+            name = ("furnished" if furnished else "empty") + told
+            recall, precision = hits / total, right / claimed
+            print(f"{name:24}{total:9}{recall:8.3f}{small_hits / small:10.3f}{precision:10.3f}")
+            if furnished and not told:
+                goals = {"recall": (recall, 0.90), "precision": (precision, 0.95)}
+                good = _tell_miss("ipa", goals)
     return good
+
+
+def _count_contacts(truth: Path, *, furnished: bool) -> list[int]:
+    """Return contacts found, all; of door size found, all; gateways at a contact, all."""
+    image, frame, contacts = load_ipa(truth, furnished=furnished)
+    gateways = [g for part in explore_all(image, frame) for g in part.gateways]
+    at = np.array([g.centre_m for g in gateways if g.kind != "narrowing"]).reshape(-1, 2)
+    near = np.zeros(len(at), bool)
+    hits = small_hits = small = 0
+    for points, width in contacts:
+        hit = bool((np.hypot(*(at - points.mean(axis=0)).T) <= HIT_M).any())
+        hits += hit
+        small_hits, small = small_hits + (hit and width <= 1.7), small + (width <= 1.7)
+        near |= cKDTree(points).query(at)[0] <= HIT_M if len(at) else False
+    return [hits, len(contacts), small_hits, small, int(near.sum()), len(near)]
 
 
 def _report_graphs() -> bool:
     print(
         f"\n{'hand graph':12}{'nodes':>6}{'links':>6}{'connections':>12}{'(trial)':>9}{'(goal)':>8}"
-        f"{'junctions 1 m':>14}{'(trial)':>9}{'(goal)':>8}{'2 m':>6}"
+        f"{'junctions 1 m':>14}{'(chance)':>9}{'(trial)':>9}{'(goal)':>8}{'2 m':>6}"
     )
     good = True
-    for name in [*STRANDS, *AMRL_TRIAL]:
+    for name in [*STRANDS, *AMRL_TRIAL, *OTHERS]:
         hand = load_strands(name) if name in STRANDS else load_amrl(name)
         if hand is None:
             continue
@@ -158,15 +220,17 @@ def _report_graphs() -> bool:
         else:
             parts = [explore_floor(hand.image, hand.frame, start_m=tuple(hand.nodes[0]))]
         linked = rate_connections(parts, hand)
-        one, two, count = rate_junctions(parts, hand)
-        goal = CONNECTIONS.get(name, (0.0, AMRL_TRIAL.get(name, (0, 0))[0]))
-        junction = JUNCTIONS.get(name, (0.0, AMRL_TRIAL.get(name, (0, 0))[1]))
+        one, two, chance, count = rate_junctions(parts, hand)
+        trial = AMRL_TRIAL.get(name, (np.nan, np.nan))
+        goal = CONNECTIONS.get(name, (0.0, trial[0]))
+        junction = JUNCTIONS.get(name, (0.0, trial[1]))
         print(
             f"{name:12}{count:6}{len(hand.links):6}{linked:12.2f}{goal[1]:9.2f}"
-            f"{goal[0] or '-':>8}{one:14.2f}{junction[1]:9.2f}{junction[0] or '-':>8}{two:6.2f}",
+            f"{goal[0] or '-':>8}{one:14.2f}{chance:9.2f}{junction[1]:9.2f}"
+            f"{junction[0] or '-':>8}{two:6.2f}",
             flush=True,
         )
-        if name in STRANDS:
+        if name in CONNECTIONS:
             good &= _tell_miss(
                 name, {"connections": (linked, goal[0]), "junctions": (one, junction[0])}
             )
@@ -206,13 +270,24 @@ def rate_connections(parts: list[FloorMap], hand: HandGraph) -> float:
     return found / len(hand.links)
 
 
-def rate_junctions(parts: list[FloorMap], hand: HandGraph) -> tuple[float, float, int]:
-    """Return the share of nodes of three links or more with a junction within 1 m, and 2 m."""
+def rate_junctions(parts: list[FloorMap], hand: HandGraph) -> tuple[float, float, float, int]:
+    """Return the share of nodes of three links or more with a junction within 1 m, and 2 m.
+
+    Then the share of free points around the graph that have one within 1 m, and how many nodes.
+    """
     degree = np.bincount(np.array(hand.links).ravel(), minlength=len(hand.nodes))
     places = [p.centre_m for part in parts for p in part.places if len(p.gateways) >= 3]
+    tree = cKDTree(np.array(places))
     nodes = hand.nodes[degree >= 3]
-    away = cKDTree(np.array(places)).query(nodes)[0]
-    return float((away <= 1).mean()), float((away <= 2).mean()), len(nodes)
+    away = tree.query(nodes)[0]
+    rows, columns = np.nonzero(hand.image == FREE)
+    points = np.column_stack([columns, rows]).astype(float)
+    ends = hand.frame.to_pixels(hand.nodes)
+    margin = 2.0 / hand.frame.resolution_m
+    points = points[((points > ends.min(0) - margin) & (points < ends.max(0) + margin)).all(axis=1)]
+    sample = points[np.random.default_rng(0).integers(len(points), size=4000)]
+    chance = tree.query(hand.frame.to_metres(sample))[0] <= 1
+    return float((away <= 1).mean()), float((away <= 2).mean()), float(chance.mean()), len(nodes)
 
 
 def _report_cost() -> bool:

@@ -59,6 +59,16 @@ def load_gdc(name: str) -> Floor | None:
     return Floor(ros_map.image, ros_map.frame, doors)
 
 
+def load_gdc_openings(name: str) -> dict[str, np.ndarray]:
+    """Load the middles (n, 2) of openings listed by hand, map frame, by kind."""
+    path = Path(__file__).parent / "truth" / "gdc_openings.json"
+    entries = json.loads(path.read_text())[name]
+    return {
+        kind: np.array([e["at"] for e in entries if e["kind"] == kind], float).reshape(-1, 2)
+        for kind in ("opening", "bay")
+    }
+
+
 def list_ipa() -> list[Path]:
     """Return the segmentations of the ipa maps with ground truth."""
     folder = data_path("maps", "ipa_room_segmentation")
@@ -111,6 +121,7 @@ STRANDS = {
     "aachen": ("strands/aachen", "UMIC_first_floor", "UMIC_FF.yaml.xz"),
     "tsc": ("strands/tsc", "tsc", "tsc2015.yaml.xz"),
     "aaf_y3": ("strands/aaf_y3", "aaf_deployment16-cropped", "aaf_deployment16.tpl.xz"),
+    "aaf_y4": ("strands/aaf_y4", "y4_aaf-cropped", "aaf_y4.tpl.xz"),
 }
 
 
