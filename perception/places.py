@@ -12,6 +12,7 @@ Grouping by base point, the map of the passage, voting and the runner-ups are ou
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -32,6 +33,9 @@ REVIEW_STEP_M, REVIEW_MAX_M = 1.0, 4.5
 
 NESTED_M, NESTED_SHARE = 3.0, 0.7
 """A place passed mostly within the passage of another, not farther from it, is a part of it."""
+
+ADJACENT_M = 0.3
+"""Gateways of neighbouring places may overlap by so much."""
 
 LOOKED_AROUND_RAD = 5.5
 """A robot that has seen so much of its surroundings has looked around."""
@@ -130,6 +134,7 @@ def detect_places(
     done += open_
     confirmed = [c for c in done if c.is_confirmed(settings)]
     passages = _merge_returns([_passage(c, poses) for c in confirmed], poses, settings)
+    passages = _separate(passages, poses)
     visits = (_commit(p, log, poses, settings) for p in passages)
     return tuple(visit for visit in visits if visit is not None)
 
@@ -207,8 +212,50 @@ def _is_return(a: _Passage, b: _Passage, poses: Array, settings: PlaceSettings) 
     shared = min(a.last, b.last) - max(a.first, b.first) + 1
     shorter = min(a.last - a.first, b.last - b.first) + 1
     if shared > NESTED_SHARE * shorter and apart < NESTED_M:
-        return True
+        return not _are_adjacent(a, b)
     return apart < settings.same_place_m + 0.02 * driven and driven < 60.0
+
+
+def _are_adjacent(a: _Passage, b: _Passage) -> bool:
+    """Tell whether two places lie beside each other: none reaches beyond the gateway between.
+
+    Source
+    ------
+    Beeson 2008, 5.4: a dummy travel leads from one place to another that is adjacent to it; the
+    test by the gateways is ours.
+    """
+    ahead = b.centre_m - a.centre_m
+    apart = float(np.hypot(*ahead))
+    reach = _reach_towards(a, ahead), _reach_towards(b, -ahead)
+    return sum(reach) <= apart + ADJACENT_M
+
+
+def _reach_towards(passage: _Passage, ahead: Array) -> float:
+    """Return how far off the gateway of a place lies that faces a direction; infinite if none."""
+    unit = ahead / max(float(np.hypot(*ahead)), 1e-9)
+    found = []
+    for sighting in passage.candidate.sightings:
+        along = (sighting.gateways_m - sighting.centre_m) @ unit
+        across = (sighting.gateways_m - sighting.centre_m) @ np.array([-unit[1], unit[0]])
+        facing = (along > 0) & (np.abs(across) < 0.5 * along)
+        found.append(float(along[facing].max()) if facing.any() else np.inf)
+    return float(np.median(found))
+
+
+def _separate(passages: list[_Passage], poses: Array) -> list[_Passage]:
+    """Let each passage end where the next begins, at the gateway that they share.
+
+    The travel between them then has no length: a dummy travel.
+    """
+    for a, b in itertools.pairwise(passages):
+        if a.last < b.first or b.nearest <= a.nearest:
+            continue
+        scans = np.arange(a.nearest, b.nearest + 1)
+        nearness = [
+            np.hypot(*(poses[scans, :2] - p.centre_m).T) / max(p.radius_m, 0.5) for p in (a, b)
+        ]
+        a.last = b.first = int(scans[np.argmin(np.abs(nearness[0] - nearness[1]))])
+    return passages
 
 
 def _commit(
