@@ -112,6 +112,39 @@ def _doubt_gateways(gateways: Sequence[Gateway]) -> list[tuple[list[int], float]
     return out
 
 
+@dataclass(frozen=True)
+class Alignment:
+    """How sure it is that two gateways lie on one path, over all readings of a star.
+
+    Attributes
+    ----------
+    gateways : indices of the two gateways, or of one that is the end of its path.
+    confidence : total probability of the readings that say so.
+    """
+
+    gateways: tuple[int, ...]
+    confidence: float
+
+
+def rate_alignments(readings: Sequence[StarReading]) -> tuple[Alignment, ...]:
+    """Return the alignments that any reading holds, surest first.
+
+    Source
+    ------
+    Ours.
+    """
+    shares: dict[tuple[int, ...], float] = {}
+    for reading in readings:
+        for k, j in enumerate(reading.star.opposites):
+            one, other = reading.gateway_out[k], reading.gateway_out[j]
+            if one is None or (other is not None and j < k):
+                continue
+            pair = (one,) if other is None else (min(one, other), max(one, other))
+            shares[pair] = shares.get(pair, 0.0) + reading.weight
+    found = sorted(shares.items(), key=lambda item: (-item[1], item[0]))
+    return tuple(Alignment(pair, min(share, 1.0)) for pair, share in found)
+
+
 def read_star(
     gateways: Sequence[Gateway],
     centre_px: tuple[float, float],

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from perception.continuity import Continuity, StarReading, read_stars
+from perception.continuity import Continuity, StarReading, rate_alignments, read_stars
 from perception.core import Base, Core, find_core
 from perception.denoise import mend_walls, remove_noise
 from perception.errors import InputError
@@ -350,6 +350,10 @@ def topology_to_data(topology: LocalTopology, file: str) -> dict[str, Any]:
                 "weight": round(reading.weight, 4),
             }
             for reading in topology.readings
+        ],
+        "alignments": [
+            {"gateways": list(one.gateways), "confidence": round(one.confidence, 4)}
+            for one in rate_alignments(topology.readings)
         ],
         "seconds": round(topology.seconds, 6),
     }

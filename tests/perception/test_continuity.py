@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.continuity import read_stars
+from perception.continuity import rate_alignments, read_stars
 from perception.gateways import Gateway
 from perception.shapes import name_shape
 from perception.star import Star
@@ -85,6 +85,19 @@ def test_two_rivals_for_one_continuation_leave_it_open() -> None:
     paired = [r for r in readings if len(r.star) == 4]
     assert len(paired) == 2, "either rival may continue the path"
     assert paired[0].weight == pytest.approx(paired[1].weight)
+
+
+def test_alignments_are_rated_over_all_readings() -> None:
+    sure = rate_alignments(read_stars([gate(0), gate(90), gate(180)], (0.0, 0.0)))
+    assert [(one.gateways, one.confidence) for one in sure] == [((0, 2), 1.0), ((1,), 1.0)]
+    torn = {
+        one.gateways: one.confidence
+        for one in rate_alignments(read_stars([gate(0), gate(165), gate(195)], (0.0, 0.0)))
+    }
+    assert torn[0, 1] == pytest.approx(torn[0, 2])
+    assert torn[0, 1] + torn[0, 2] + torn[0,] == pytest.approx(1)
+    assert torn[0, 1] + torn[2,] >= torn[0, 1]
+    assert (1, 2) not in torn
 
 
 def test_no_gateways_give_the_empty_star() -> None:

@@ -5,8 +5,12 @@ import json
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 import perception
+from perception.draw import draw_topology
 from perception.errors import InputError
 from perception.topology import local_topology, topology_to_data
 from tests.perception.corpus import (
@@ -399,6 +403,55 @@ def test_lpm_of_a_half_circle_lidar(name: str) -> None:
 def test_bad_input_is_told(image: np.ndarray, options: dict, message: str) -> None:
     with pytest.raises(InputError, match=message):
         local_topology(image, **options)
+
+
+@given(
+    arrays(
+        np.uint8,
+        st.tuples(st.integers(1, 40), st.integers(1, 40)),
+        elements=st.sampled_from([0, 127, 254]),
+    ),
+    st.sampled_from([None, 0.05, 0.3]),
+    st.sampled_from(["anchor", "constriction"]),
+)
+@settings(max_examples=80, deadline=None)
+def test_any_grid_is_read_or_told(image: np.ndarray, resolution: float, method: str) -> None:
+    told = None
+    try:
+        found = local_topology(image, resolution_m=resolution, robot_radius_m=None, method=method)
+    except InputError as error:
+        told = str(error)
+    if told is None:
+        assert sum(reading.weight for reading in found.readings) == pytest.approx(1)
+        for reading in found.readings:
+            assert len(reading.types) == len(reading.gateway_out) == len(reading.star)
+        assert json.dumps(topology_to_data(found, "x.png"))
+        assert draw_topology(image, found, side_px=200).size
+    else:
+        assert "\n" not in told
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.5, 0.7])
+def test_grids_of_blocks_at_random_are_read_or_told(share: float) -> None:
+    rng = np.random.default_rng(int(100 * share))
+    for side in (30, 61, 150):
+        for _ in range(8):
+            blocks = rng.random((side // 6 + 1, side // 6 + 1))
+            image = np.kron(blocks, np.ones((6, 6)))[:side, :side]
+            image = np.where(image < share, np.where(image < share / 3, 127, 0), 254)
+            grid = image.astype(np.uint8)
+            free = np.argwhere(grid == 254)
+            row, column = free[rng.integers(len(free))]
+            for options in ({}, {"resolution_m": 0.1, "robot_radius_m": 0.2}):
+                try:
+                    found = local_topology(grid, robot_px=(column, row), **options)
+                except InputError:
+                    continue
+                every = set(range(len(found.gateways)))
+                for reading in found.readings:
+                    out = [g for g in reading.gateway_out if g is not None]
+                    assert len(set(out)) == len(out) == sum(reading.star.alpha)
+                    assert set(out) <= every
 
 
 def test_data_can_be_written_as_json() -> None:
