@@ -118,20 +118,7 @@ def find_cracks(region: Region, field: Field, kernels: Kernels | None = None) ->
     kernels : compiled loops to do it with, if any.
     """
     if kernels is not None:
-        numbers, values = kernels.cross_faces(
-            field.face,
-            field.label,
-            field.wall_of_label,
-            field.distance,
-            region.walls,
-            field.left,
-            field.top,
-            field.first_open,
-            field.level,
-            region.radius_px + 0.5,
-            region.inside.shape[1] + 1,
-        )
-        return Cracks(numbers[:, :2], values[:, :2], values[:, 2], numbers[:, 2], numbers[:, 3])
+        return _run_kernel(region, field, kernels)
     width = field.face.shape[1]
     right, down = _find_edges(field.face)
     first = np.concatenate([right, down])
@@ -173,6 +160,23 @@ def find_cracks(region: Region, field: Field, kernels: Kernels | None = None) ->
         np.where(is_down, side_a, side_b),
         np.where(is_down, side_b, side_a),
     )
+
+
+def _run_kernel(region: Region, field: Field, kernels: Kernels) -> Cracks:
+    numbers, values = kernels.cross_faces(
+        field.face,
+        field.label,
+        field.wall_of_label,
+        field.distance,
+        region.walls,
+        field.left,
+        field.top,
+        field.first_open,
+        field.level,
+        region.radius_px + 0.5,
+        region.inside.shape[1] + 1,
+    )
+    return Cracks(numbers[:, :2], values[:, :2], values[:, 2], numbers[:, 2], numbers[:, 3])
 
 
 def _find_edges(face: NDArray[Any]) -> tuple[Index, Index]:
