@@ -9,6 +9,7 @@ from dataclasses import replace
 from hssh_kb.congruence import Assumption
 from hssh_kb.experience import Experience, has_partial_types
 from hssh_kb.hypothesis import Hypothesis
+from hssh_kb.lean_search import search_lean
 from hssh_kb.map_samples import sample_planar_maps
 from hssh_kb.oracle import assumption_facts
 from hssh_kb.planarity import is_planar, make_planarity_test
@@ -40,8 +41,9 @@ def best_by_cardinality(
 ) -> Models[Hypothesis]:
     """Find the maps of the first visits that cost least, all that tie.
 
-    Planarity is tried on the best maps found without it. If none is planar, the next best are
-    sought, and so on: a few quick searches instead of one in which the faces are guessed.
+    Walks with one reading a visit go to the lean program. Of others, planarity is tried on the best
+    maps found without it. If none is planar, the next best are sought, and so on: a few quick
+    searches instead of one in which the faces are guessed.
     """
     further = ["objective", policy_program(policy)]
     if not variant.is_plain:
@@ -51,25 +53,41 @@ def best_by_cardinality(
         convert = make_converter(count, has_alternatives(experience))
         return solve_best(program, convert, limit=limit, budget_s=budget_s)
     further += ["assume"] if supposed else []
+    if not has_alternatives(experience) and not has_partial_types(experience):
+        return _search_long(experience, count, policy, planarity, limit, budget_s, supposed)
     program = strict_program(experience, planarity=False, visits=count, further=further)
     program += assumption_facts(enumerate(supposed))
     end = None if budget_s is None else time.monotonic() + budget_s
-    sampled = (
-        count > _LONG and not has_alternatives(experience) and not has_partial_types(experience)
-    )
-    share = _SAMPLE_SHARE * budget_s if budget_s and sampled and not supposed else 0.0
     while True:
-        rest = None if end is None else max(end - time.monotonic() - share, 0.0)
+        rest = None if end is None else max(end - time.monotonic(), 0.0)
         seen: list[int] = []
         convert = _make_counting_converter(experience, count, planarity, seen)
         models = solve_best(program, convert, limit=limit, budget_s=rest)
-        if models.found or models.complete or not share or end is None:
-            if models.found or not models.complete or not seen:
-                return models
-            program += _worse_than(policy, models.cost)
-            continue
-        sample = _sample_maps(experience, count, policy, end)
-        return replace(sample, found=sample.found[:limit])
+        if models.found or not models.complete or not seen:
+            return models
+        program += _worse_than(policy, models.cost)
+
+
+def _search_long(
+    experience: Experience,
+    count: int,
+    policy: str,
+    planarity: bool,
+    limit: int | None,
+    budget_s: float | None,
+    supposed: Sequence[Assumption],
+) -> Models[Hypothesis]:
+    """Ask the lean program; if it takes too long, fall back on the best of maps seen quickly."""
+    end = None if budget_s is None else time.monotonic() + budget_s
+    share = _SAMPLE_SHARE * budget_s if budget_s and count > _LONG and not supposed else 0.0
+    rest = None if budget_s is None else budget_s - share
+    found = search_lean(experience, count, policy, planarity, limit, rest, supposed)
+    if found.complete or not share or end is None:
+        return found
+    sample = _sample_maps(experience, count, policy, end)
+    if found.found and (not sample.found or found.cost <= sample.cost):
+        return found
+    return replace(sample, found=sample.found[:limit])
 
 
 def _sample_maps(experience: Experience, count: int, policy: str, end: float) -> Models[Hypothesis]:

@@ -11,6 +11,7 @@ from hssh_kb.solver.reading import (
     read_term,
     show_term,
 )
+from hssh_kb.solver.refuting import solve_best_refuting
 from hssh_kb.solver.solving import (
     Control,
     Models,
@@ -38,5 +39,6 @@ __all__ = [
     "show_term",
     "solve_all",
     "solve_best",
+    "solve_best_refuting",
     "solve_minimal",
 ]

@@ -140,10 +140,20 @@ def solve_best(
     """Enumerate the optimal models of a program, each once, with their common cost."""
     begin = time.monotonic()
     control = ground(program, ["0", "--opt-mode=optN"])
+    rest = None if budget_s is None else budget_s - (time.monotonic() - begin)
+    return collect_best(control, convert, limit, rest)
+
+
+def collect_best(
+    control: Control,
+    convert: Callable[[Sequence[Symbol]], T | None],
+    limit: int | None,
+    budget_s: float | None,
+) -> Models[T]:
+    """Enumerate the optimal models of what is ground, each once, with their common cost."""
     collect = _Collector(convert, None if limit is None else limit + 1)
     collect.optimising = True
-    rest = None if budget_s is None else budget_s - (time.monotonic() - begin)
-    result = run_solver(control, collect, rest)
+    result = run_solver(control, collect, budget_s)
     complete = bool(result.exhausted) and not result.interrupted
     if limit is not None and len(collect.found) > limit:
         del collect.found[limit:]
