@@ -11,9 +11,11 @@ from hssh_kb.experience import Reading
 from hssh_kb.kb import KnowledgeBase
 from perception.geometry import wrap_angle
 
-HIT_M, ALSO_M, ALONG_M = 3.5, 2.6, 8.0
-"""A visit so near to a listed place, and so near along the drive to its passing, is a hit; one so
-near to an opening that may or may not count is neither right nor wrong."""
+HIT_M, ALSO_M = 3.5, 2.6
+"""A visit so near to a listed place, while it is passed, is a hit; one so near to an opening that
+may or may not count is neither right nor wrong."""
+NEAR_M, LEFT_M = 3.0, 5.0
+"""A passage begins so near to a place, and ends so far from it."""
 SAME_M, OTHER_M = 1.5, 4.0
 """Visits nearer than the one are to one place, farther apart than the other to two."""
 
@@ -47,24 +49,24 @@ def rate_places(kb: KnowledgeBase, truth: dict) -> PlaceRates:
     poses, scans = kb.trajectory.corrected, kb.trajectory.visit_scans
     listed = truth["places"]
     also = np.array([*truth["also"], *truth.get("doors", [])], float).reshape(-1, 2)
-    passes = sorted(p for k, place in enumerate(listed) for p in _passes(poses, place["at"], k))
-    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
+    passages = _find_passages(poses, [place["at"] for place in listed])
     used: dict[int, int] = {}
-    for scan, k in passes:
+    for first, last, k in passages:
+        away = np.hypot(*(poses[scans, :2] - listed[k]["at"]).T)
         near = [
-            (abs(way[scans[v]] - way[scan]), v)
+            (away[v], v)
             for v in range(len(scans))
-            if v not in used and np.hypot(*(poses[scans[v], :2] - listed[k]["at"])) < HIT_M
+            if v not in used and first <= scans[v] <= last and away[v] < HIT_M
         ]
-        if near and min(near)[0] < ALONG_M:
+        if near:
             used[min(near)[1]] = k
     rest = [poses[scans[v], :2] for v in range(len(scans)) if v not in used]
     wrong = [at for at in rest if not len(also) or np.hypot(*(also - at).T).min() > ALSO_M]
     pairs = [(a, b) for a, b in combinations(sorted(used), 2) if used[a] == used[b]]
     arms = [_arms_agree(kb, v, listed[k]["arms"]) for v, k in used.items()]
     return PlaceRates(
-        len(passes),
-        len(used) / max(len(passes), 1),
+        len(passages),
+        len(used) / max(len(passages), 1),
         len(used) / max(len(scans), 1),
         len(used) / max(len(used) + len(wrong), 1),
         float(np.mean(arms or [0])),
@@ -115,19 +117,30 @@ def rate_closures(kb: KnowledgeBase) -> tuple[float, float]:
     return right / max(claimed, 1), right / max(same, 1)
 
 
-def _passes(poses: np.ndarray, at: list[float], k: int) -> list[tuple[int, int]]:
-    """Return (scan, place) of each passage of the drive within three metres of a place."""
-    distance = np.hypot(*(poses[:, :2] - at).T)
-    out, i = [], 0
-    while i < len(distance):
-        if distance[i] >= 3.0:
-            i += 1
-            continue
-        j = i
-        while j + 1 < len(distance) and distance[j + 1] < 5.0:
-            j += 1
-        out.append((i + int(np.argmin(distance[i : j + 1])), k))
-        i = j + 1
+def _find_passages(poses: np.ndarray, places: list[list[float]]) -> list[tuple[int, int, int]]:
+    """Return (first scan, last scan, place) of each passage, within three metres of a place.
+
+    A drive that comes back to a place without another one between has passed it once.
+    """
+    found = list[tuple[int, int, int]]()
+    for k, at in enumerate(places):
+        distance = np.hypot(*(poses[:, :2] - at).T)
+        i = 0
+        while i < len(distance):
+            if distance[i] >= NEAR_M:
+                i += 1
+                continue
+            j = i
+            while j + 1 < len(distance) and distance[j + 1] < LEFT_M:
+                j += 1
+            found.append((i, j, k))
+            i = j + 1
+    out = list[tuple[int, int, int]]()
+    for first, last, k in sorted(found):
+        if out and out[-1][2] == k:
+            out[-1] = (out[-1][0], last, k)
+        else:
+            out.append((first, last, k))
     return out
 
 
