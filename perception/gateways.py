@@ -132,7 +132,11 @@ def find_gateway(
 
 def needs_virtual_walls(arms: Sequence[Arm]) -> bool:
     """Tell whether an arm lies beside open space where its gateway is searched for."""
-    return any(is_open(arm.branch, _search_area(arm.branch, arm.edge)) for arm in arms)
+    return any(
+        is_open(arm.branch, (0, len(arm.branch.left)))
+        and is_open(arm.branch, _search_area(arm.branch, arm.edge))
+        for arm in arms
+    )
 
 
 def _search_area(branch: Branch, edge: int) -> tuple[int, int]:

@@ -182,8 +182,7 @@ def _reach(
         distance = cv2.distanceTransform((~occupied).view(np.uint8), cv2.DIST_L2, 5)
         wide[np.asarray(distance < radius_px)] = 0
     start = _stand(wide, occupied, robot_px, radius_px)
-    flood = cv2.copyMakeBorder(1 - wide, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=1)
-    cv2.floodFill(wide, flood, start, 2, flags=4)
+    cv2.floodFill(wide, None, start, 2, flags=4)
     return _grow((wide == 2).view(np.uint8), 3).view(bool), start
 
 
