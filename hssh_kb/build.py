@@ -45,7 +45,7 @@ def build(
     input_path: str | Path,
     *,
     poses: PosesMode = "auto",
-    doors: Doors = "ignore",
+    doors: Doors | None = None,
     min_gateway_m: float = 0.0,
     best: int = 5,
     budget_s: float = SEARCH_BUDGET_S,
@@ -66,8 +66,9 @@ def build(
     poses : "corrected" takes the corrected poses that some logs carry as they are; "odometry"
         takes raw odometry and matches scans; "auto" takes corrected poses where there are any.
     doors : "ignore" leaves doors and what else leads nowhere far out of the stars, "keep" keeps
-        them.
-    min_gateway_m : narrower gateways count only where the robot drove through them.
+        them. By default those of logs are ignored, those of floor maps kept.
+    min_gateway_m : narrower gateways count only where the robot drove through them; on a floor map
+        they are closed.
     best : how many maps are kept.
     budget_s : seconds for the search; when spent, the best maps found so far are kept.
     resolution_m : side of a cell of the global map.
@@ -94,14 +95,21 @@ def build(
         from hssh_kb.build_map import build_from_floor_map
 
         return build_from_floor_map(
-            path, names=names, start_m=start_m, force=force, progress=report, clock=clock
+            path,
+            names=names,
+            start_m=start_m,
+            force=force,
+            doors=doors or "keep",
+            min_gateway_m=min_gateway_m,
+            progress=report,
+            clock=clock,
         )
     with clock.stage("read"):
         log = _read_log(path, scan_topic, odom_topic)
     return build_from_log(
         log,
         poses=poses,
-        doors=doors,
+        doors=doors or "ignore",
         min_gateway_m=min_gateway_m,
         best=best,
         budget_s=budget_s,

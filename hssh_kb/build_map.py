@@ -18,7 +18,9 @@ from hssh_kb.floor_walk import FloorWalk, walk_floor
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.ranking import RankedMaps
 from hssh_kb.records import BuildRecord, PlaceLayout, Raster, Trajectory
-from perception.floor_map import FloorMap, explore_floor
+from perception.floor_graph import FloorMap
+from perception.floor_level import FloorDoors
+from perception.floor_map import explore_floor
 from perception.geometry import Array
 from perception.grid import UNKNOWN, Frame, Image
 
@@ -40,6 +42,8 @@ def build_from_floor_map(
     names: str | Path | None = None,
     start_m: tuple[float, float] | None = None,
     force: bool = False,
+    doors: FloorDoors = "keep",
+    min_gateway_m: float = 0.0,
     progress: Callable[[str, int, int], None] | None = None,
     clock: Clock | None = None,
 ) -> KnowledgeBase:
@@ -52,6 +56,8 @@ def build_from_floor_map(
     start_m : a point (map frame) of the part of the floor wanted, where the walk begins; the
         largest part by default.
     force : read images of more than 60 million cells too.
+    doors : "ignore" leaves out the rooms behind doors; a door between two corridors stays.
+    min_gateway_m : what can be reached through narrower gateways only is left out.
 
     Returns
     -------
@@ -73,7 +79,14 @@ def build_from_floor_map(
         rooms = read_rooms(names, ros_map) if names is not None else {}
     with clock.stage("places"):
         report("places", 0, 1)
-        floor = explore_floor(ros_map.image, ros_map.frame, start_m=start_m, rooms_m=rooms)
+        floor = explore_floor(
+            ros_map.image,
+            ros_map.frame,
+            start_m=start_m,
+            rooms_m=rooms,
+            doors=doors,
+            min_gateway_m=min_gateway_m,
+        )
         report("places", 1, 1)
     notices = [*ros_map.notices, *_tell_parts(floor), *_tell_rooms(floor, rooms)]
     with clock.stage("walk"):
@@ -88,6 +101,8 @@ def build_from_floor_map(
         options={
             "names": str(names) if names is not None else None,
             "start_m": list(start_m) if start_m is not None else None,
+            "doors": doors,
+            "min_gateway_m": min_gateway_m,
         },
     )
 

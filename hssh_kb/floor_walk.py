@@ -14,7 +14,7 @@ from hssh_kb.consistency import Refusal, judge_hypothesis
 from hssh_kb.experience import Displacement, Experience, Reading, Visit, checked_covariance
 from hssh_kb.hypothesis import Hypothesis
 from perception.continuity import StarReading
-from perception.floor_map import FloorMap, FloorPlace
+from perception.floor_graph import FloorMap, FloorPlace
 
 _MOST_TRIES = 400
 _HEADING_SIGMA_RAD = 0.01

@@ -8,7 +8,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,7 +16,9 @@ from perception.continuity import StarReading, read_star, read_stars
 from perception.core import Arm
 from perception.errors import InputError
 from perception.floor_crossings import add_crossings
-from perception.floor_places import PlaceKind, PlaceNodes, find_places, holds_point
+from perception.floor_graph import FloorEdge, FloorGateway, FloorMap, FloorPlace, Point
+from perception.floor_level import FloorDoors, choose_closed, close_gateways
+from perception.floor_places import PlaceNodes, find_places, holds_point
 from perception.floor_pruning import open_loops, prune_shallow
 from perception.floor_skeleton import build_floor_skeleton
 from perception.floor_space import FloorSettings, FloorSpace, find_floor_space
@@ -28,96 +29,6 @@ from perception.grid import Frame, Image
 from perception.skeleton import Branch, Skeleton
 from perception.skeleton_graph import SkeletonGraph
 
-Point = tuple[float, float]
-
-
-@dataclass(frozen=True)
-class FloorGateway:
-    """A gateway on a floor, in the map frame.
-
-    Attributes
-    ----------
-    centre_m, ends_m : its middle and its two ends.
-    outward_rad : direction away from its place, counter-clockwise.
-    width_m : its length.
-    kind : "door", "mouth" (where a way opens into a place) or "narrowing".
-    """
-
-    centre_m: Point
-    ends_m: tuple[Point, Point]
-    outward_rad: float
-    width_m: float
-    kind: GatewayKind
-
-
-@dataclass(frozen=True, eq=False)
-class FloorPlace:
-    """A place on a floor.
-
-    Attributes
-    ----------
-    centre_m : its middle, in the map frame.
-    clearance_m : distance to the nearest obstacle there.
-    kind : see :data:`perception.floor_places.PlaceKind`.
-    gateways : by index.
-    readings : ways to read its star, most probable first; ``gateway_out`` are indices into
-        ``gateways``, the headings are in the map frame, radians counter-clockwise. Those of weight
-        0 are the best one with a path or two broken off at the place.
-    names : names of the rooms it lies in.
-    """
-
-    centre_m: Point
-    clearance_m: float
-    kind: PlaceKind
-    gateways: tuple[FloorGateway, ...]
-    readings: tuple[StarReading, ...]
-    names: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class FloorEdge:
-    """A way between two places.
-
-    Attributes
-    ----------
-    start, goal : numbers of the places.
-    start_gateway, goal_gateway : which gateway of each it passes.
-    points_m : (n, 2) the way along the skeleton, from the centre of one to that of the other.
-    doors : numbers of the gateways of the floor map, doors only, that it passes.
-    """
-
-    start: int
-    start_gateway: int
-    goal: int
-    goal_gateway: int
-    points_m: Array
-    doors: tuple[int, ...]
-
-    @property
-    def length_m(self) -> float:
-        """Its length."""
-        return float(np.hypot(*np.diff(self.points_m, axis=0).T).sum())
-
-
-@dataclass(frozen=True, eq=False)
-class FloorMap:
-    """The place graph of a floor.
-
-    Attributes
-    ----------
-    places, edges : by number.
-    gateways : the doors and narrowings of the floor, whether or not a place has them.
-    other_parts : the parts of the floor that cannot be reached, largest first: (area in m2, a
-        point of it in the map frame).
-    skeleton_m : (n, 2) points of the skeleton.
-    """
-
-    places: tuple[FloorPlace, ...]
-    edges: tuple[FloorEdge, ...]
-    gateways: tuple[FloorGateway, ...]
-    other_parts: tuple[tuple[float, Point], ...]
-    skeleton_m: Array
-
 
 def explore_floor(
     image: Image,
@@ -126,6 +37,8 @@ def explore_floor(
     settings: FloorSettings | None = None,
     start_m: Point | None = None,
     rooms_m: Mapping[str, Sequence[Array]] | None = None,
+    doors: FloorDoors = "keep",
+    min_gateway_m: float = 0.0,
 ) -> FloorMap:
     """Find places, gateways and ways of a finished floor map.
 
@@ -135,6 +48,8 @@ def explore_floor(
     frame : where it lies in the map frame.
     start_m : a point of the part of the floor wanted; the largest part by default.
     rooms_m : (n, 2) polygons of rooms by name, map frame; each holds a place if it can.
+    doors : "ignore" leaves out what lies behind the doors of rooms.
+    min_gateway_m : what can be reached through narrower gateways only is left out.
 
     Raises
     ------
@@ -166,7 +81,11 @@ def explore_floor(
             f"the free space around ({', '.join(f'{v:.2f}' for v in _middle(space, frame))}) m "
             "is one room without a way to go; there is nothing to explore"
         )
-    return _Survey(space, skeleton, frame, settings.midline_m).describe(rooms_m or {})
+    survey = _Survey(space, skeleton, frame)
+    if doors != "keep" or min_gateway_m:
+        survey.close(doors, min_gateway_m, start_px)
+    survey.tidy(settings.midline_m)
+    return survey.describe(rooms_m or {})
 
 
 def _middle(space: FloorSpace, frame: Frame) -> list[float]:
@@ -177,25 +96,42 @@ def _middle(space: FloorSpace, frame: Frame) -> list[float]:
 class _Survey:
     """One exploration under way."""
 
-    def __init__(
-        self, space: FloorSpace, skeleton: Skeleton, frame: Frame, midline_m: float
-    ) -> None:
+    def __init__(self, space: FloorSpace, skeleton: Skeleton, frame: Frame) -> None:
         self.space, self.frame = space, frame
         self.constrictions = find_constrictions(space, skeleton)
         self.kinds = tell_kinds(space, skeleton, self.constrictions)
-        self.at = np.array(
-            [skeleton.branches[c.branch].points_px[c.point] for c in self.constrictions]
-        ).reshape(-1, 2)
+        at = [skeleton.branches[c.branch].points_px[c.point] for c in self.constrictions]
         self.door_of_cell = {
-            (float(x), float(y)): k for k, (x, y) in enumerate(self.at) if self.kinds[k] == "door"
+            (float(x), float(y)): k for k, (x, y) in enumerate(at) if self.kinds[k] == "door"
         }
         self.graph = SkeletonGraph(skeleton)
-        for k, (constriction, kind) in enumerate(zip(self.constrictions, self.kinds, strict=True)):
-            if kind == "door":
-                self.graph.tags[constriction.branch].add(k)
-        open_loops(self.graph, space)
-        prune_shallow(self.graph, space.resolution_m)
-        add_crossings(self.graph, space, midline_m=midline_m)
+
+    def close(self, doors: FloorDoors, min_gateway_m: float, start_px: Point | None) -> None:
+        """Leave out what lies behind gateways that do not count."""
+        resolution = self.space.resolution_m
+        closed = choose_closed(
+            self.graph,
+            self.constrictions,
+            self.kinds,
+            resolution,
+            doors=doors,
+            min_gateway_m=min_gateway_m,
+        )
+        near = None
+        if start_px is not None:
+            near = (start_px[0] - self.space.corner_px[0], start_px[1] - self.space.corner_px[1])
+        close_gateways(self.graph, self.constrictions, closed, resolution, start_px=near)
+        self.door_of_cell = {at: k for at, k in self.door_of_cell.items() if k not in closed}
+
+    def tidy(self, midline_m: float) -> None:
+        """Note the doors; drop ways around furniture and into niches; cross open halls."""
+        for k, branch in self.graph.branches.items():
+            for x, y in branch.points_px.tolist() if self.door_of_cell else ():
+                if (x, y) in self.door_of_cell:
+                    self.graph.tags[k].add(self.door_of_cell[x, y])
+        open_loops(self.graph, self.space)
+        prune_shallow(self.graph, self.space.resolution_m)
+        add_crossings(self.graph, self.space, midline_m=midline_m)
 
     def describe(self, rooms_m: Mapping[str, Sequence[Array]]) -> FloorMap:
         """Return the place graph."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import heapq
+import itertools
 import math
 from collections import defaultdict
+from collections.abc import Sequence
 
 from perception.skeleton import Branch, Node, Skeleton
 
@@ -106,6 +108,34 @@ class SkeletonGraph:
         two = self.add(branch.part(i, size, node, branch.head))
         return node, one, two
 
+    def cut(self, k: int, points: Sequence[int]) -> set[int]:
+        """Cut a branch at some of its points, in order; return the nodes of the loose ends.
+
+        Tags are not carried over.
+        """
+        branch = self.branches.pop(k)
+        self.tags.pop(k, None)
+        for end in {branch.tail, branch.head}:
+            self.at[end].discard(k)
+        size = len(branch.points_px)
+        bounds = [0, *(min(max(i, 1), size - 2) for i in points), size]
+        loose = set[int]()
+        fresh = 1 + max(self.nodes)
+        for first, last in itertools.pairwise(bounds):
+            if last - first < 2:
+                continue
+            tail, head = branch.tail, branch.head
+            for at, inner in ((first, first > 0), (last - 1, last < size)):
+                if not inner:
+                    continue
+                x, y = branch.points_px[at].tolist()
+                self.nodes[fresh] = Node((x, y), float(branch.radius_px[at]))
+                tail, head = (fresh, head) if at == first else (tail, fresh)
+                loose.add(fresh)
+                fresh += 1
+            self.add(branch.part(first, last, tail, head))
+        return loose
+
     def add(self, branch: Branch) -> int:
         """Add a branch between nodes; return its number."""
         fresh = self._fresh
@@ -115,8 +145,8 @@ class SkeletonGraph:
         self.at[branch.head].add(fresh)
         return fresh
 
-    def keep_largest(self) -> None:
-        """Remove all but the connected part with the most points."""
+    def keep_largest(self, branch: int | None = None) -> None:
+        """Remove all but the connected part with the most points, or that of a branch."""
         part: dict[int, int] = {}
         size: dict[int, int] = defaultdict(int)
         for node in list(self.nodes):
@@ -128,13 +158,15 @@ class SkeletonGraph:
                 part[here] = node
                 for k in self.at[here]:
                     stack += [self.branches[k].tail, self.branches[k].head]
-        for branch in self.branches.values():
-            size[part[branch.tail]] += len(branch.points_px)
+        for one in self.branches.values():
+            size[part[one.tail]] += len(one.points_px)
         best = max(size, key=lambda root: size[root], default=0)
+        if branch is not None:
+            best = part[self.branches[branch].tail]
         for k in [k for k, b in self.branches.items() if part[b.tail] != best]:
-            branch = self.branches.pop(k)
-            self.at[branch.tail].discard(k)
-            self.at[branch.head].discard(k)
+            gone = self.branches.pop(k)
+            self.at[gone.tail].discard(k)
+            self.at[gone.head].discard(k)
 
     def drop_tiny_loops(self) -> None:
         """Remove loops, and second links, too short to go around anything; join the chains."""

@@ -16,8 +16,8 @@ ENDINGS = frozenset((".yaml", ".yml", ".bag", ".mcap", ".db3"))
 
 _OPTIONS = {
     "poses": ("poses", {"log", "bag"}),
-    "doors": ("doors", {"log", "bag"}),
-    "min_gateway": ("min_gateway_m", {"log", "bag"}),
+    "doors": ("doors", {"log", "bag", "floor map"}),
+    "min_gateway": ("min_gateway_m", {"log", "bag", "floor map"}),
     "resolution": ("resolution_m", {"log", "bag"}),
     "best": ("best", {"log", "bag", "trace"}),
     "budget": ("budget_s", {"log", "bag", "trace"}),
@@ -35,13 +35,15 @@ def add_input_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--doors",
         choices=("keep", "ignore"),
-        help="whether doors and narrow openings count as ways (default: ignore, corridors only)",
+        help="whether doors and narrow openings count as ways (default: ignore, corridors only; "
+        "for floor maps keep)",
     )
     parser.add_argument(
         "--min-gateway",
         metavar="M",
         type=parse_metres,
-        help="gateways narrower than this (metres) count only where the robot drove through them",
+        help="gateways narrower than this (metres) count only where the robot drove through them; "
+        "on floor maps they are closed",
     )
     parser.add_argument("--scan", metavar="TOPIC", help="laser scans of a bag, if it has several")
     parser.add_argument("--odom", metavar="TOPIC", help="odometry of a bag, if it has several")

@@ -22,7 +22,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from perception.floor_map import FloorGateway, FloorMap, explore_floor
+from perception.floor_graph import FloorGateway, FloorMap
+from perception.floor_map import explore_floor
 from perception.grid import FREE, Frame
 from tests.bench.floor_truth import (
     STRANDS,

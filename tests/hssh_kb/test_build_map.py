@@ -14,7 +14,7 @@ from hssh_kb.errors import InputError
 from hssh_kb.floor_walk import walk_floor
 from hssh_kb.kb import KnowledgeBase
 from perception.continuity import StarReading
-from perception.floor_map import FloorEdge, FloorGateway, FloorMap, FloorPlace
+from perception.floor_graph import FloorEdge, FloorGateway, FloorMap, FloorPlace
 from perception.star import Star
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "perception"))

@@ -9,7 +9,8 @@ import pytest
 from floor_plans import RESOLUTION, Plan, draw_office
 
 from perception.errors import InputError
-from perception.floor_map import FloorMap, explore_floor
+from perception.floor_graph import FloorMap
+from perception.floor_map import explore_floor
 from perception.grid import FREE, OCCUPIED, UNKNOWN, Frame
 from perception.star import Star
 
@@ -168,6 +169,41 @@ def test_other_parts_are_left_out_and_can_be_chosen():
     other = explore(plan, start_m=point)
     assert len(other.places) == 2
     assert other.other_parts[0][0] > 50
+
+
+def test_doors_may_be_ignored():
+    floor = explore(draw_office(), doors="ignore")
+    assert sorted(place.kind for place in floor.places) == [
+        "corner",
+        "corner",
+        "dead end",
+        "dead end",
+    ]
+    assert sum(g.kind == "door" for g in floor.gateways) == 3  # told all the same
+    assert not any(edge.doors for edge in floor.edges)
+
+
+def test_a_door_between_two_corridors_is_passed_though_doors_are_ignored():
+    plan = Plan(56, 18).carve(1, 8, 25, 2).carve(26.3, 8, 27, 2).carve(25.9, 8.5, 0.5, 0.9)
+    plan.carve(8, 3, 4, 4.6).carve(9.5, 7.5, 0.9, 0.6)
+    assert any(edge.doors for edge in explore(plan, doors="ignore").edges)
+    assert len(explore(plan, doors="ignore").places) < len(explore(plan).places)
+
+
+def test_narrow_gateways_may_be_closed():
+    plan = Plan(40, 18).carve(1, 8, 18, 2).carve(19.3, 4, 6, 10).carve(18.9, 8.5, 0.5, 0.9)
+    plan.carve(25.6, 4, 6, 10).carve(25.2, 8, 0.5, 1.6)
+    assert explore(plan, min_gateway_m=0.6).places[0].centre_m == explore(plan).places[0].centre_m
+    wide = explore(plan, min_gateway_m=1.2)
+    assert {p.centre_m[0] > 19 for p in wide.places} == {True}
+    corridor = explore(plan, min_gateway_m=1.2, start_m=(3.0, 9.0))
+    assert {p.centre_m[0] > 19.5 for p in corridor.places} == {False}
+
+
+@pytest.mark.parametrize("options", [{"doors": "shut"}, {"min_gateway_m": -1.0}])
+def test_levels_that_do_not_exist_are_refused(options):
+    with pytest.raises(InputError, match="expected"):
+        explore(draw_office(), **options)
 
 
 def test_what_surrounds_a_drawn_plan_is_not_the_floor():
