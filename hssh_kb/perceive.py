@@ -70,6 +70,7 @@ def _reading(reading: PlaceReading, *, first: bool, last: bool) -> Reading:
         None if last else reading.depart,
         reading.weight,
         reading.headings_rad,
+        reading.types if any(reading.types) else (),
     )
 
 

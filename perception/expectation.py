@@ -110,6 +110,7 @@ def _carry_over(
         tuple(float(wrap_angle(h)) for h in headings),
         seen.gateways_m,
         weight,
+        seen.types,
     )
 
 

@@ -33,6 +33,7 @@ class PlaceReading:
     gateways_m : centre of the gateway through which each dlp leaves, relative to the place, drive
         axes; NaN where there is none.
     weight : probability; those of one visit sum to 1.
+    types : path type of each dlp, "" where it is not told; see :mod:`perception.path_types`.
     """
 
     star: Star
@@ -41,6 +42,7 @@ class PlaceReading:
     headings_rad: tuple[float, ...]
     gateways_m: tuple[tuple[float, float], ...]
     weight: float
+    types: tuple[str, ...] = ()
 
 
 def vote_star(
@@ -162,4 +164,5 @@ def _oriented(
         tuple(float(h) for h in group.headings_rad),
         tuple((float(x), float(y)) for x, y in group.gateways_m),
         share * penalty,
+        group.reading.types,
     )
