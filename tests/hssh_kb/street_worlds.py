@@ -19,6 +19,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import networkx as nx
+from networkx.utils import UnionFind
 from symbolic_walks import World
 
 from hssh_kb.consistency import MapState
@@ -175,31 +176,37 @@ def _gather_arms(graph, corridors, look_m) -> dict[Node, list[Arm]]:
 def _find_crossing(graph, corridors, look_m) -> list[list[Node]]:
     """The corridors that do not fit in the plane, the short ones having been laid first."""
     arms = _gather_arms(graph, corridors, look_m)
-    number = {node: p for p, node in enumerate(arms)}
-    at = {(arm.corridor, arm.end): (number[n], k) for n in arms for k, arm in enumerate(arms[n])}
-    # Order is no question here, so each arm is a path of its own; its far end gets no slot.
-    state = None
-    for node in arms:
-        star = _Spokes(len(arms[node]))
-        state = MapState.start(star) if state is None else state.add_place(star)
+    after, opens = {}, {}
+    for at in arms.values():
+        ends = [(arm.corridor, arm.end) for arm in at]
+        after |= dict(zip(ends, ends[1:] + ends[:1], strict=True))
+    pieces = UnionFind(arms)
     crossing = []
     for e in sorted(range(len(corridors)), key=lambda e: _length(graph, corridors[e])):
-        ends = *at[e, 0], *at[e, 1]
-        if state.find_refusal(*ends, order=False) is None:
-            state = state.join(*ends, 1)
+        start, goal = corridors[e][0], corridors[e][-1]
+        if pieces[start] != pieces[goal] or _share_face(after, opens, (e, 0), (e, 1)):
+            opens |= {(e, 0): (e, 1), (e, 1): (e, 0)}
+            pieces.union(start, goal)
         else:
             crossing.append(corridors[e])
     return crossing
 
 
-class _Spokes:
-    """A star of so many arms, none opposite to another."""
+def _share_face(after, opens, start, goal) -> bool:
+    """Whether two arms not laid yet open into one face; ``opens`` are the ends of those laid."""
+    one = two = None
+    while one != start and two != goal:
+        # From both at once: the two parts of a face are seldom of one size.
+        one = _step_round(after, opens, start if one is None else one)
+        two = _step_round(after, opens, goal if two is None else two)
+        if one == goal or two == start:
+            return True
+    return False
 
-    def __init__(self, size: int) -> None:
-        self.opposites = tuple(range(size))
 
-    def __len__(self) -> int:
-        return len(self.opposites)
+def _step_round(after, opens, arm):
+    """The next arm round a face, clockwise from an arm or from the far end of its corridor."""
+    return after[opens.get(arm, arm)]
 
 
 def _build(graph, corridors, look_m) -> World:
