@@ -35,6 +35,7 @@ def document_maps(
         "proven": ranked.proven,
         "budget_spent": ranked.budget_spent,
         "inconsistent_from": ranked.inconsistent_from,
+        "contradiction": ranked.contradiction or None,
         "visits": len(experience),
         "maps": [_document_row(row) for row in tabulate_maps(experience, ranked)],
     }

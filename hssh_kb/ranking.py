@@ -42,6 +42,8 @@ class RankedMaps:
     budget_spent : True if a budget ended the work; the maps are then a partial answer.
     inconsistent_from : the first visit with which no consistent map is left; None if there is
         one. The maps are then those of the visits before it.
+    contradiction : what clashes there, and the least to doubt, where displacements call for
+        what the axioms refuse; '' elsewhere.
     policy : the preference, where minimality decided.
     log_evidence : where the posterior decided, log of the summed posteriors of all maps found.
     penalty : what the violations of weakened axioms cost in each of the maps; they are then the
@@ -58,6 +60,7 @@ class RankedMaps:
     policy: str = DEFAULT_POLICY
     penalty: int | None = None
     log_evidence: float | None = None
+    contradiction: str = ""
 
     @property
     def complete(self) -> bool:
@@ -186,6 +189,7 @@ def _rank_by_posterior(experience: Experience, best: int, budget_s: float | None
         inconsistent_from=None if spent else found.inconsistent_from,
         budget_spent=spent,
         log_evidence=found.log_evidence,
+        contradiction=found.contradiction.text if found.contradiction else "",
     )
 
 

@@ -7,10 +7,11 @@ Source: Beeson 2008, sections 8.2 and 10.1.2; the search itself is in
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hssh_kb.contradiction import Contradiction, find_contradiction
 from hssh_kb.errors import InputError
 from hssh_kb.experience import Experience
 from hssh_kb.hypothesis import Hypothesis
@@ -37,6 +38,8 @@ class SearchResult:
     spent : it ended because the budget was spent.
     log_evidence : log of the summed posteriors of all complete maps found, which makes
         probabilities of their log posteriors; None if there is none.
+    contradiction : what clashes at ``inconsistent_from`` and what to doubt, where it is the
+        displacements that call for what the axioms refuse.
     """
 
     maps: tuple[Hypothesis, ...]
@@ -47,6 +50,7 @@ class SearchResult:
     reason: str
     spent: bool = False
     log_evidence: float | None = None
+    contradiction: Contradiction | None = None
 
 
 def search_maps(
@@ -90,6 +94,20 @@ def search_maps(
     if budget_work is None:
         budget_work = allow_work(len(experience), tree.score.slip)
     tree.search(budget_s=budget_s, budget_work=budget_work)
+    lead = tree.lead
+    if lead is not None and not tree.score.slip and order:
+        clash = find_contradiction(experience, tree.tree, lead)
+        if clash is not None:
+            begun = replace(experience, visits=experience.visits[: clash.visit])
+            tree = TreeOfMaps(tree.score, experience=begun, planarity=planarity)
+            tree.search(budget_s=budget_s, budget_work=budget_work)
+            return replace(
+                _sum_up(tree, clash.visit, best),
+                proven=False,
+                inconsistent_from=clash.visit,
+                reason=f"inconsistent from visit {clash.visit}: {clash.text}",
+                contradiction=clash,
+            )
     return _sum_up(tree, len(experience), best)
 
 

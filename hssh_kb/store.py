@@ -206,6 +206,7 @@ def _write_kb(db: sqlite3.Connection, kb: KnowledgeBase) -> None:
             "budget_spent": ranked.budget_spent,
             "policy": ranked.policy,
             "log_evidence": ranked.log_evidence,
+            "contradiction": ranked.contradiction,
         },
         "record": asdict(kb.record),
         "experience": {"source": kb.experience.source, "notices": kb.experience.notices},

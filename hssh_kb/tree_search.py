@@ -309,6 +309,11 @@ class TreeOfMaps:
         """Return the k best maps of all visits so far, those differing in places or turns."""
         return self._best_at(len(self._visits) - 1, k)
 
+    @property
+    def lead(self) -> Node | None:
+        """The best map of all visits so far as a node of the tree; None if there is none."""
+        return next(iter(self._fronts.list_best(len(self._visits) - 1, 1)), None)
+
     def _best_at(self, depth: int, k: int) -> tuple[Hypothesis, ...]:
         return self._pick_maps(self._fronts.list_best(depth, 50 * k), k)
 

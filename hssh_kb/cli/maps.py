@@ -199,9 +199,10 @@ def _format_maps(experience: Experience, ranked: RankedMaps, *, verbose: bool) -
 def _summarise(experience: Experience, ranked: RankedMaps, rows: Sequence[MapRow]) -> str:
     if ranked.inconsistent_from is not None:
         at = experience.visit_label(ranked.inconsistent_from)
+        why = ranked.contradiction or "'hssh check' says why."
         text = (
-            f"No map is consistent with the whole experience: it contradicts itself from {at} on "
-            f"('hssh check' says why). These are maps of the visits before it."
+            "No map is consistent with the whole experience: it contradicts itself from "
+            f"{at} on. {why} These are maps of the visits before it."
         )
     else:
         if ranked.consistent is not None:

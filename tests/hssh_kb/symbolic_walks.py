@@ -8,7 +8,7 @@ much as asked for.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -383,3 +383,22 @@ def _split_path(dlps, k, far, arrive, depart):
         return find(i, False)
 
     return out, move_arrive(arrive), move_depart(depart)
+
+
+def blind(experience: Experience) -> Experience:
+    """The experience without the alternatives: the word of the best stars is taken."""
+    visits = tuple(
+        replace(visit, readings=(replace(visit.readings[0], weight=1.0),))
+        for visit in experience.visits
+    )
+    return replace(experience, visits=visits)
+
+
+def find_first_clash(truth: Truth) -> int | None:
+    """The first visit whose best star is not the one seen before at its place, None if none."""
+    first: dict[int, int] = {}
+    for v, place in enumerate(truth.places):
+        before = truth.experience.visits[first.setdefault(place, v)].readings[0].star
+        if not truth.experience.visits[v].readings[0].star.isomorphisms(before):
+            return v
+    return None

@@ -1,0 +1,116 @@
+"""Where the displacements call for a closure that the axioms refuse: which readings to doubt.
+
+A star read wrongly seldom breaks an axiom by itself, since every visit may be a new place. It
+breaks them together with the displacements: two visits lie on one spot and saw stars that do not
+agree. The smallest sets of readings that cannot all stand are those of the axioms, under the
+assumption that the two are one place.
+
+Source: ours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hssh_kb.check import check
+from hssh_kb.experience import Experience
+from hssh_kb.map_tree import MapTree
+from hssh_kb.node import Node
+
+SURPRISE_NATS = 4.0
+"""A closure so much more probable than the new place that a map makes of a visit is called for."""
+
+_NARROW_NATS = -1.0  # places that leave more room than that lie on no other
+_MOST_COMPANIONS = 3
+_CHECK_BUDGET_S = 5.0
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """The first visit at which displacements and axioms contradict each other.
+
+    Attributes
+    ----------
+    visit : that visit. place : first visit of the place where it lies.
+    surprise_nats : how much more probable this closure would be than what the best map says.
+    doubts : the smallest sets of observations which, if wrong, explain it, in words; empty if
+        none was found in time.
+    text : what clashes and what to doubt, in the user's names.
+    """
+
+    visit: int
+    place: int
+    surprise_nats: float
+    doubts: tuple[tuple[str, ...], ...]
+    text: str
+
+
+def find_contradiction(experience: Experience, tree: MapTree, lead: Node) -> Contradiction | None:
+    """Find the first visit that a map makes a new place though it lies on a known one.
+
+    Parameters
+    ----------
+    experience : what the robot went through.
+    tree, lead : the tree of its maps, and the best of them, of all visits or of the first ones.
+
+    Returns
+    -------
+    Contradiction or None : None if there is no such visit, or no axiom refuses the closure.
+
+    Source
+    ------
+    Ours.
+    """
+    for node in lead.chain()[2:]:
+        if not node.is_new or node.addends.exclusion > _NARROW_NATS or node.parent is None:
+            continue
+        first, surprise = _find_place_under(tree, node, node.parent)
+        if surprise < SURPRISE_NATS:
+            continue
+        visit = node.visit
+        seen = replace(experience, visits=experience.visits[: visit + 1])
+        there = [v for v in _list_visits(node.parent, first) if v != first][:_MOST_COMPANIONS]
+        supposed = [f"v{v}=v{first}" for v in (visit, *there)]
+        found = check(seen, supposed, planarity=tree.planarity, budget_s=_CHECK_BUDGET_S)
+        if found.consistent is False and found.violations:
+            kept = [r for r in found.repairs if not any("assumption" in one for one in r)]
+            least = min(map(len, kept), default=0)
+            doubts = tuple(r for r in kept if len(r) == least)
+            return _tell(experience, visit, first, surprise, doubts, found.violations[0].text)
+    return None
+
+
+def _find_place_under(tree: MapTree, node: Node, parent: Node) -> tuple[int, float]:
+    """Return the first visit of the place that a visit most likely lies on, and the surprise."""
+    state = tree.state_of(parent)
+    prediction = tree.predict(state, node.visit)
+    held = prediction.filter.places
+    if prediction.unknown or not len(held):
+        return -1, -np.inf
+    worth = tree.score.expect_closures(prediction)
+    slot = int(np.argmax(worth))
+    return state.firsts[int(held[slot])], float(worth[slot]) - sum(node.addends)
+
+
+def _list_visits(node: Node, first: int) -> list[int]:
+    """Return the visits that a map puts at the place of a visit."""
+    chain = node.chain()[1:]
+    place = chain[first].decision.place
+    return [one.visit for one in chain if one.decision.place == place]
+
+
+def _tell(
+    experience: Experience,
+    visit: int,
+    place: int,
+    surprise: float,
+    doubts: tuple[tuple[str, ...], ...],
+    clash: str,
+) -> Contradiction:
+    name = experience.visit_label
+    text = f"{name(visit)} lies where {name(place)} is, but {clash}"
+    if doubts:
+        text += f" The least to doubt: {', or '.join(' and '.join(one) for one in doubts)}."
+    return Contradiction(visit, place, surprise, doubts, text)
