@@ -139,7 +139,8 @@ def _see_wall(side: Index, region: Region, extend: int) -> Index:
     if len(seen) < 2 or extend < 1:
         return seen
     ahead = int(side[-1])
-    sign = 1 if ahead > int(seen[len(seen) // 2]) else -1
+    middle = len(side) // 2
+    sign = 1 if ahead > int(np.partition(side, middle)[middle]) else -1
     more = ahead + sign * np.arange(1, extend + 1)
     more = more[(more >= 0) & (more < len(region.arc))]
     more = more[region.arc[more] == region.arc[ahead]]
