@@ -11,17 +11,17 @@ Source: ours.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from hssh_kb.congruence import Assumption
-from hssh_kb.crossings import explain_odd_pair, find_candidates, find_cycles, find_odd_pairs
+from hssh_kb.crossings import Cycle, find_cycles, find_odd_pairs
 from hssh_kb.experience import Experience
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.merging import ClashError, Merging, Walk
 from hssh_kb.program import make_converter
 from hssh_kb.ranking import measure_map
-from hssh_kb.solver import Models, Symbol, solve_best_refuting
+from hssh_kb.solver import Atom, Models, solve_best_refuting
 
 _RULES = """
 1 { place(V,P,O) : offered(V,P,O) } 1 :- visit(V).
@@ -47,6 +47,9 @@ label(P,L,H) :- in(T,P,K), local(P,K,L), along(T,H).
 :- local(P,L,L), 2 { label(P,L,H) }.
 :- visit(P), along(H,H), 2 { label(P,L,H) }.
 #edge ((P,K),(P',K'')) : joined(P,K,P',K'), opposite(P',K',K'').
+
+% Dlp K of visit V is dlp K+R of visit V' (which is earlier).
+aligned(V,V',(O+M-O')\\M) :- place(V,P,O), place(V',P,O'), offered(V,V',(O+M-O')\\M), size(V,M).
 
 at(V,P) :- place(V,P,O).
 :- same(V,V'), at(V,P), not at(V',P).
@@ -105,6 +108,7 @@ def search_lean(
         "\n".join(lines),
         make_converter(count, readings=False),
         ("place", 3),
+        ("aligned", 3),
         judge.refute if judge else lambda _: None,
         limit=limit,
         budget_s=budget_s,
@@ -142,37 +146,63 @@ class _PlanarJudge:
     """Refutes maps that are not planar."""
 
     def __init__(self, merging: Merging) -> None:
-        self.merging = merging
+        self.merging, self.walk = merging, merging.walk
 
-    def refute(self, symbols: Sequence[Symbol]) -> list[Symbol] | None:
-        """Return atoms of a map that no planar map has together; None if the map is planar.
+    def refute(self, places: Sequence[tuple[int, ...]]) -> list[tuple[Atom, bool]] | None:
+        """Return what cannot be true together in a planar map; None if the map is planar.
 
-        Two cycles cross oddly because some visits are one place, and because no further places
-        are: where these visits stay at the places they are at, none of those become one.
+        Two cycles cross oddly as long as their travels follow one another, the corners that cross
+        stay aligned, and no others come to do so.
         """
-        walk = self.merging.walk
         merging = self.merging.copy()
-        chosen = {}
-        try:
-            for symbol in symbols:
-                v, p, turn = (argument.number for argument in symbol.arguments)
-                chosen[v] = symbol
-                if p < v:
-                    merging.align(v, p, turn, 1 << (walk.first_decision + v))
-        except ClashError as clash:
-            return [chosen[v] for v in _decided(walk, clash.reason)]
-        best: set[int] | None = None
+        for v, p, turn in places:
+            if p < v:
+                merging.align(v, p, turn, 0)
+        best: list[tuple[Atom, bool]] | None = None
         for one, other in find_odd_pairs(find_cycles(merging))[:_PAIRS_READ]:
-            visits = set(_decided(walk, explain_odd_pair(merging, one, other)))
-            for candidate in find_candidates(merging, one, other):
-                for place in candidate[:2]:
-                    corners = (cycle.corners.get(place) for cycle in (one, other))
-                    visits |= {corner.visit for corner in corners if corner is not None}
-            if best is None or len(visits) < len(best):
-                best = visits
-        return None if best is None else [chosen[v] for v in sorted(best)]
+            corners = self._read(merging, one), self._read(merging, other)
+            atoms = [self._align(merging, a, b) for part in corners for a, b, *_ in part if a != b]
+            reason = [(atom, True) for atom in atoms]
+            for _, u, between, _ in corners[0]:
+                for _, w, _, used in corners[1]:
+                    reason += self._cross(merging, u, between, w, used)
+            if best is None or len(reason) < len(best):
+                best = reason
+        return best
+
+    def _read(self, merging: Merging, cycle: Cycle) -> list[tuple[int, int, int, int]]:
+        """Return the corners of a cycle: visits come to and left from, dlps between and used.
+
+        The dlps are those of the visit left from, as bits.
+        """
+        found = []
+        for before, after in zip([cycle.chain[-1], *cycle.chain[:-1]], cycle.chain, strict=True):
+            u = after.here
+            corner, size = cycle.corners[merging.place[u]], self.walk.sizes[u]
+            back = -merging.turn[u] % size
+            turned = (_rotate(bits, back, size) for bits in (corner.between, corner.used))
+            found.append((before.there, u, *turned))
+        return found
+
+    def _align(self, merging: Merging, a: int, b: int) -> Atom:
+        """Return the atom that says how two visits of one place are aligned."""
+        v, w = max(a, b), min(a, b)
+        return "aligned", (v, w, (merging.turn[v] - merging.turn[w]) % self.walk.sizes[v])
+
+    def _cross(
+        self, merging: Merging, u: int, between: int, w: int, used: int
+    ) -> Iterator[tuple[Atom, bool]]:
+        """Yield the alignments of two corners in which they cross, and whether they hold."""
+        if u == w:
+            return
+        size = self.walk.sizes[u]
+        held = self._align(merging, u, w) if merging.place[u] == merging.place[w] else None
+        for turn in self.walk.turns(u, w):
+            if (_rotate(between, turn, size) & used).bit_count() & 1:
+                later = (u, w, turn) if u > w else (w, u, -turn % size)
+                yield ("aligned", later), ("aligned", later) == held
 
 
-def _decided(walk: Walk, reason: int) -> list[int]:
-    """Return the visits whose places a reason rests on."""
-    return [v for v in range(walk.count) if reason >> (walk.first_decision + v) & 1]
+def _rotate(bits: int, turn: int, size: int) -> int:
+    """Return bits moved up by a turn, round a star."""
+    return (bits << turn | bits >> (size - turn)) & ((1 << size) - 1)

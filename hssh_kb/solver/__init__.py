@@ -11,7 +11,7 @@ from hssh_kb.solver.reading import (
     read_term,
     show_term,
 )
-from hssh_kb.solver.refuting import solve_best_refuting
+from hssh_kb.solver.refuting import Atom, solve_best_refuting
 from hssh_kb.solver.solving import (
     Control,
     Models,
@@ -24,6 +24,7 @@ from hssh_kb.solver.solving import (
 
 __all__ = [
     "AssumingSolver",
+    "Atom",
     "Control",
     "Models",
     "Step",

@@ -11,34 +11,49 @@ import clingo
 from hssh_kb.solver.solving import Models, Symbol, collect_best, ground
 
 T = TypeVar("T")
-Refute = Callable[[Sequence[Symbol]], Iterable[Symbol] | None]
+Atom = tuple[str, tuple[int, ...]]
+"""Name and arguments."""
+Refute = Callable[[Sequence[tuple[int, ...]]], Iterable[tuple[Atom, bool]] | None]
 
 
 class _Refuter(clingo.Propagator):
     """Asks Python about each complete assignment, and learns from its answer."""
 
-    def __init__(self, name: str, arity: int, refute: Refute) -> None:
-        self.name, self.arity, self.refute = name, arity, refute
-        self._literals: dict[Symbol, int] = {}
+    def __init__(self, shown: tuple[str, int], spoken: tuple[str, int], refute: Refute) -> None:
+        self.shown, self.spoken, self.refute = shown, spoken, refute
+        self._literals: dict[Atom, int] = {}
+        self._shown: list[tuple[tuple[int, ...], int]] = []
 
     def init(self, init: clingo.PropagateInit) -> None:
         """Note the literals of the atoms that are looked at."""
         init.check_mode = clingo.PropagatorCheckMode.Total
-        for atom in init.symbolic_atoms.by_signature(self.name, self.arity):
-            self._literals[atom.symbol] = init.solver_literal(atom.literal)
+        for name, arity in (self.shown, self.spoken):
+            for atom in init.symbolic_atoms.by_signature(name, arity):
+                arguments = tuple(argument.number for argument in atom.symbol.arguments)
+                literal = init.solver_literal(atom.literal)
+                self._literals[name, arguments] = literal
+                if name == self.shown[0]:
+                    self._shown.append((arguments, literal))
 
     def check(self, control: clingo.PropagateControl) -> None:
         """Refute a complete assignment, or let it pass."""
         is_true = control.assignment.is_true
-        together = self.refute([s for s, literal in self._literals.items() if is_true(literal)])
-        if together is not None:
-            control.add_nogood([self._literals[symbol] for symbol in together])
+        together = self.refute([atom for atom, literal in self._shown if is_true(literal)])
+        if together is None:
+            return
+        nogood = []
+        for atom, truth in together:
+            literal = self._literals.get(atom)
+            if literal is not None:
+                nogood.append(literal if truth else -literal)
+        control.add_nogood(nogood)
 
 
 def solve_best_refuting(
     program: str,
     convert: Callable[[Sequence[Symbol]], T | None],
-    signature: tuple[str, int],
+    shown: tuple[str, int],
+    spoken: tuple[str, int],
     refute: Refute,
     *,
     limit: int | None = None,
@@ -50,14 +65,14 @@ def solve_best_refuting(
     Parameters
     ----------
     program, convert, limit, budget_s : as in :func:`hssh_kb.solver.solve_best`.
-    signature : name and arity of the atoms that are looked at; models are told apart by what is
-        shown.
-    refute : is given those that are true, and returns None, or some of them that can not be true
-        together.
+    shown, spoken : name and arity of the atoms that are looked at, and of those that reasons
+        speak of; their arguments are numbers. Models are told apart by what they show.
+    refute : is given the arguments of the shown atoms that are true; it returns None, or atoms
+        with truth values that they cannot have together. An atom that there is not is false.
     options : further options of the solver.
     """
     begin = time.monotonic()
     control = ground(program, ["0", "--opt-mode=optN", "--project=show", *options])
-    control.register_propagator(_Refuter(*signature, refute))
+    control.register_propagator(_Refuter(shown, spoken, refute))
     rest = None if budget_s is None else budget_s - (time.monotonic() - begin)
     return collect_best(control, convert, limit, rest)
