@@ -22,10 +22,10 @@ from perception.region import Index, Region
 _FULL = np.ones((3, 3), np.uint8)
 _SMOOTH_M = 0.8
 """Walls are measured along a contour smoothed so far, lest roughness count as length."""
-_SURROUNDING = 0.1
-"""A part that reaches more of the edge of the map than this surrounds the floor."""
-_LEAST_INDOORS = 0.02
-"""Unless the largest other part is smaller than this share of it."""
+_INSET_M, _SHEET_SHARE, _SHEET_CLEARANCE_M = 0.4, 0.1, 4.0
+"""A part along more of the edge of the map than this share, and so wide, surrounds the floor."""
+_LEAST_INDOORS = 0.2
+"""Unless every other part is smaller than this share of it."""
 _BETWEEN_CONTOURS = 1 << 18
 """Added to the position along the contour from one contour to the next."""
 
@@ -120,7 +120,8 @@ def find_floor_space(
             f"the map has no free space that a robot {2 * settings.robot_radius_m:g} m wide can "
             "pass; check its thresholds, 'negate' and resolution"
         )
-    chosen = _choose(labels, stats, radius, start_px)
+    sheet = _find_sheet(labels, distance, len(stats), resolution_m)
+    chosen = _choose(labels, stats, radius, start_px, sheet)
     others = _list_others(labels, stats, distance, chosen, settings, resolution_m)
     margin = int(np.ceil(radius)) + 2
     x, y, w, h = (int(v) for v in stats[chosen, :4])
@@ -182,6 +183,7 @@ def _choose(
     stats: NDArray[np.int32],
     radius_px: float,
     start_px: tuple[float, float] | None,
+    sheet: Mask,
 ) -> int:
     """Return the label of the part that holds the start, or of the largest.
 
@@ -190,7 +192,7 @@ def _choose(
     if start_px is None:
         area = stats[:, cv2.CC_STAT_AREA].astype(float)
         area[0] = 0
-        indoors = area * ~_find_surroundings(labels, len(stats), radius_px)
+        indoors = area * ~sheet
         large = indoors.max() >= _LEAST_INDOORS * area.max()
         return int(np.argmax(indoors if large else area))
     height, width = labels.shape
@@ -212,12 +214,18 @@ def _choose(
     return int(near[rows[k], columns[k]])
 
 
-def _find_surroundings(labels: NDArray[np.int32], count: int, radius_px: float) -> Mask:
-    """Tell which parts reach a good share of the edge of the map."""
-    inset = min(int(np.ceil(radius_px)) + 2, (min(labels.shape) - 1) // 2)
+def _find_sheet(
+    labels: NDArray[np.int32], distance: NDArray[np.float32], count: int, resolution_m: float
+) -> Mask:
+    """Tell which parts are the sheet around a plan: along the edge of the map, and wide open."""
+    inset = min(round(_INSET_M / resolution_m), (min(labels.shape) - 1) // 2)
     inner = labels[inset : labels.shape[0] - inset, inset : labels.shape[1] - inset]
     edge = np.concatenate([inner[0], inner[-1], inner[:, 0], inner[:, -1]])
-    return np.asarray(np.bincount(edge, minlength=count) > _SURROUNDING * len(edge))
+    share = np.bincount(edge, minlength=count) / max(len(edge), 1)
+    sheet = np.zeros(count, bool)
+    for k in np.flatnonzero(share > _SHEET_SHARE):
+        sheet[k] = float(distance[labels == k].max()) * resolution_m > _SHEET_CLEARANCE_M
+    return sheet
 
 
 def _open(free: Mask, distance: NDArray[np.float32], wide: Mask, opening_px: float) -> Mask:
@@ -226,7 +234,7 @@ def _open(free: Mask, distance: NDArray[np.float32], wide: Mask, opening_px: flo
     away = cv2.distanceTransform(1 - fits, cv2.DIST_L2, 5)
     opened = ((away <= opening_px) & free).view(np.uint8)
     _, labels = cv2.connectedComponents(opened, connectivity=4)
-    row, column = np.argwhere(wide)[0]
+    row, column = divmod(int(np.argmax(wide)), wide.shape[1])
     return np.asarray(labels == labels[row, column])
 
 
