@@ -1,8 +1,8 @@
 """The maps that wait to be grown, depth by depth, and which maps still live.
 
-A map lives while it waits or something that grew from it does. The worth of a waiting map is its
-score beside the best living map of the same visits: maps of equally many visits are compared,
-and when a favourite dies with all that came of it, the others are measured against the next.
+A map lives while it waits or something that grew from it does. A waiting map is measured against
+the best living map of the same visits, and when a favourite dies with all that came of it, the
+others are measured against the next.
 
 Source: ours.
 """
@@ -55,7 +55,7 @@ class Fronts:
             return
         for one in reversed(todo):
             one.queued = True
-            self._let_wait(one, one.score)
+            self._let_wait(one, one.worth)
 
     def _let_wait(self, node: Node, worth: float) -> None:
         node.waits = True
@@ -72,7 +72,7 @@ class Fronts:
                 return
             self.living[node.visit] += 1
             self._serial += 1
-            heapq.heappush(self._peaks[node.visit], (-node.score, self._serial, node))
+            heapq.heappush(self._peaks[node.visit], (-node.worth, self._serial, node))
             node = node.parent
 
     def _forsake(self, node: Node | None) -> None:
@@ -155,7 +155,7 @@ class Fronts:
         return -heap[0][0] if heap else -math.inf
 
     def peak(self, depth: int) -> float:
-        """Return the score of the best living map of a depth, -inf if none lives."""
+        """Return the worth of the best living map of a depth, -inf if none lives."""
         heap = self._peaks[depth]
         while heap and not heap[0][2].heirs:
             heapq.heappop(heap)
@@ -179,6 +179,6 @@ class Fronts:
         return list({node.serial: node for _, _, node in self._peaks[depth] if node.heirs}.values())
 
     def list_best(self, depth: int, k: int) -> list[Node]:
-        """Return the k best maps that wait at a depth, best first."""
-        items = [item for item in self._heaps[depth] if item[2].waits]
-        return [node for _, _, node in heapq.nsmallest(k, items)]
+        """Return the k maps of the best score that wait at a depth, best first."""
+        nodes = [node for _, _, node in self._heaps[depth] if node.waits]
+        return heapq.nsmallest(k, nodes, key=lambda node: (-node.score, node.serial))

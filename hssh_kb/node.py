@@ -59,6 +59,8 @@ class Node:
     ----------
     stage : how often it was grown; the rest of the ways on may be put off.
     queued : it waits or has waited; ``waits`` : it does so now.
+    worth : the score without the prior on places: a map with fewer of them has more of it
+        still to pay, so maps of the same visits are compared without.
     heirs : children that live, and 1 if it waits; it lives as long as there are any.
     dead : it was refuted.
     """
@@ -78,6 +80,7 @@ class Node:
         "state",
         "visit",
         "waits",
+        "worth",
     )
 
     def __init__(
@@ -92,6 +95,7 @@ class Node:
         self.parent, self.visit, self.decision = parent, visit, decision
         self.addends, self.places, self.serial = addends, places, serial
         self.score: float = (parent.score if parent else 0.0) + sum(addends)
+        self.worth: float = (parent.worth if parent else 0.0) + sum(addends) - addends.places
         self.stage = 0
         self.queued = self.waits = self.dead = False
         self.heirs = 0

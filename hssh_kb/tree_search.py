@@ -31,7 +31,8 @@ from hssh_kb.score import Score, estimate_score
 from hssh_kb.search_budget import Budget
 
 _WIDTH = 128  # maps of one depth grown at most while the best of them lives
-_SLACK_NATS = 16.0  # maps that far below the best of their depth wait
+_SLACK_NATS = 10.0  # maps that far below the best of their depth wait ...
+_SLACK_PER_NOISE = 100.0  # ... and more by the noise of travels: then mistakes take longer to show
 _REVISED_WORK = 60_000  # units of work for one revision at most, where travels slip
 _REPAIRS = 16  # repairs of one depth carried out at a time
 _PROMISE_NATS = 8.0  # ... if they promise a map that near the best one
@@ -86,6 +87,7 @@ class TreeOfMaps:
         self._reached: list[bool] = []
         self._seen: set[object] = set()
         self._swept = 0
+        self._variance = 0.0
         self._serial = 0
         self._repairs: list[list[tuple[float, int, Repair]]] = []
         self.nogoods: dict[int, list[Nogood]] = {}
@@ -101,6 +103,9 @@ class TreeOfMaps:
         self._fronts.add_depth()
         self._repairs.append([])
         self._reached.append(False)
+        if visit.displacement is not None:
+            cov = visit.displacement.cov
+            self._variance += (cov[0][0] + cov[1][1]) / 2
         for root in self.tree.add_visit(visit):
             self._fronts.wait(root)
             self._reached[0] = True
@@ -158,10 +163,10 @@ class TreeOfMaps:
         if best == -math.inf and fixed >= 0:
             self._learn(node)
         elif node.stage == 1 and fixed < 0:
-            far = node.score - math.log(self.score.area_m2) - GATE_NATS
-            fronts.put_off(node, far, node.score if self._has_lean(node) else far)
+            far = node.worth - math.log(self.score.area_m2) - GATE_NATS
+            fronts.put_off(node, far, node.worth if self._has_lean(node) else far)
         elif node.stage == 2 and self._has_lean(node):
-            fronts.put_off(node, node.score, node.score)
+            fronts.put_off(node, node.worth, node.worth)
         fronts.settle(node)
 
     def _has_lean(self, node: Node) -> bool:
@@ -174,7 +179,8 @@ class TreeOfMaps:
             if repair.key not in self._seen:
                 self._seen.add(repair.key)
                 self._serial += 1
-                item = -repair.estimate, self._serial, repair
+                promise = repair.estimate + node.worth - node.score
+                item = -promise, self._serial, repair
                 heapq.heappush(self._repairs[node.visit + 1], item)
 
     def _repair(self, depth: int, is_over: Callable[[], bool]) -> None:
@@ -236,7 +242,7 @@ class TreeOfMaps:
             self._finish()
         if slips:
             self._revise(last, budget, 4)
-        self.spent = budget.is_spent() or self._swept < last and self._fronts.count_leaves() > 0
+        self.spent = budget.is_spent() or (self._swept < last and self._fronts.count_leaves() > 0)
 
     def _sweep(self, is_over: Callable[[], bool]) -> None:
         """Let the front of each depth grow, from the first that may have changed to the last."""
@@ -255,15 +261,21 @@ class TreeOfMaps:
 
     def _widen(self, depth: int, is_over: Callable[[], bool]) -> None:
         """Grow the best waiting maps of a depth until its front is as wide as it should be."""
-        fronts = self._fronts
+        fronts, slack = self._fronts, self._find_slack()
         while fronts.count_grown(depth) < _WIDTH and not is_over():
             top = fronts.top(depth)
-            near = top >= fronts.peak(depth) - _SLACK_NATS
+            near = top >= fronts.peak(depth) - slack
             if top == -math.inf or not (near or fronts.count_grown(depth) == 0):
                 return
             node = fronts.take(depth)
             if node is not None:
                 self._expand(node)
+
+    def _find_slack(self) -> float:
+        """Return how far [nats] below the best of its depth a map is grown at once."""
+        known = max(len(self._visits) - 1, 1)
+        noise = math.sqrt(self._variance / known) / self.score.length_m
+        return _SLACK_NATS + _SLACK_PER_NOISE * min(noise, 0.3)
 
     def _has_complete(self) -> bool:
         return self._fronts.living[-1] > 0
@@ -360,7 +372,7 @@ class TreeOfMaps:
         last = len(self._visits) - 1
         if not self._has_complete():
             return False
-        top = self._fronts.top(last)
+        top = self._fronts.list_best(last, 1)[0].score
         ahead = 0.0
         for depth in range(last - 1, -1, -1):
             move = self._visits[depth + 1].displacement
