@@ -209,8 +209,7 @@ def enumerate_basic_maps(
         raise UsageError(f"the engine is 'tree' or 'program', not {engine!r}")
     if engine == "tree" and not list_changes():
         end = None if budget_s is None else time.monotonic() + budget_s
-        moves = [_read_move(i, action) for i, action in enumerate(experience.actions)]
-        tree = BasicTree(experience.views, moves, order=order, limit=limit, end=end)
+        tree = make_basic_tree(experience, order=order, limit=limit, end=end)
         complete = tree.run()
         return tuple(sorted(tree.found)), complete
     axioms = [name for name in _AXIOMS if order or name != "order_irreflexive"]
@@ -228,6 +227,18 @@ def enumerate_basic_maps(
 
     models = solve_all(program, convert, limit=limit, budget_s=budget_s)
     return tuple(sorted(models.found)), models.complete
+
+
+def make_basic_tree(
+    experience: BasicExperience,
+    *,
+    order: bool = True,
+    limit: int | None = None,
+    end: float | None = None,
+) -> BasicTree:
+    """Return the tree of maps of a basic experience, not yet grown; see :class:`BasicTree`."""
+    moves = [_read_move(i, action) for i, action in enumerate(experience.actions)]
+    return BasicTree(experience.views, moves, order=order, limit=limit, end=end)
 
 
 def _read_move(i: int, action: str) -> tuple[Hashable, str]:

@@ -122,8 +122,7 @@ class BasicTree:
 
     def run(self) -> bool:
         """Fill ``found``; return whether all maps were found."""
-        start = _Grown({}, {0: 0}, {0: (0, 1)}, ())
-        waiting: list[tuple[tuple[int, ...], _Grown]] = [((0,), start)]
+        waiting = [self.start()]
         while waiting:
             dstates, grown = waiting.pop()
             self.nodes += 1
@@ -135,12 +134,17 @@ class BasicTree:
                     return False
                 self.found.append(dstates)
                 continue
-            waiting.extend(self._grow(dstates, grown))
+            waiting.extend(self.grow(dstates, grown))
         return True
 
-    def _grow(
+    def start(self) -> tuple[tuple[int, ...], _Grown]:
+        """Return the map of the first moment."""
+        return (0,), _Grown({}, {0: 0}, {0: (0, 1)}, ())
+
+    def grow(
         self, dstates: tuple[int, ...], grown: _Grown
     ) -> Iterator[tuple[tuple[int, ...], _Grown]]:
+        """Yield the maps of one moment more that grow from a map."""
         i = len(dstates)
         q, move = dstates[-1], self.moves[i - 1]
         known = grown.leads.get((q, move[0]))
