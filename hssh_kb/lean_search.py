@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 from hssh_kb.congruence import Assumption
 from hssh_kb.crossings import Cycle, find_cycles, find_odd_pairs
@@ -70,8 +71,8 @@ _LEVELS = {
     "places-only": ("places",),
 }
 _OPTIONS = ("--opt-strategy=usc,k",)
-_PAIRS_READ = 4
-"""So many pairs of cycles that cross oddly are asked for a reason; the shortest is learned."""
+_PAIRS_READ = 12
+"""So many pairs of cycles that cross oddly give a reason, the shortest first."""
 
 
 def search_lean(
@@ -109,7 +110,7 @@ def search_lean(
         make_converter(count, readings=False),
         ("place", 3),
         ("aligned", 3),
-        judge.refute if judge else lambda _: None,
+        judge.refute if judge else lambda _: (),
         limit=limit,
         budget_s=budget_s,
         options=_OPTIONS,
@@ -142,14 +143,26 @@ def _offer(merging: Merging) -> Iterable[str]:
                 yield f"offered({v},{p},{turn})."
 
 
+class _Corner(NamedTuple):
+    """A corner of a cycle: visits come to and left from; dlps between and used, as bits.
+
+    The dlps are those of the visit left from.
+    """
+
+    came: int
+    left: int
+    between: int
+    used: int
+
+
 class _PlanarJudge:
     """Refutes maps that are not planar."""
 
     def __init__(self, merging: Merging) -> None:
         self.merging, self.walk = merging, merging.walk
 
-    def refute(self, places: Sequence[tuple[int, ...]]) -> list[tuple[Atom, bool]] | None:
-        """Return what cannot be true together in a planar map; None if the map is planar.
+    def refute(self, places: Sequence[tuple[int, ...]]) -> list[list[tuple[Atom, bool]]]:
+        """Return what cannot be true together in a planar map; nothing if the map is planar.
 
         Two cycles cross oddly as long as their travels follow one another, the corners that cross
         stay aligned, and no others come to do so.
@@ -158,7 +171,7 @@ class _PlanarJudge:
         for v, p, turn in places:
             if p < v:
                 merging.align(v, p, turn, 0)
-        best: list[tuple[Atom, bool]] | None = None
+        reasons = []
         for one, other in find_odd_pairs(find_cycles(merging))[:_PAIRS_READ]:
             corners = self._read(merging, one), self._read(merging, other)
             atoms = [self._align(merging, a, b) for part in corners for a, b, *_ in part if a != b]
@@ -166,22 +179,17 @@ class _PlanarJudge:
             for _, u, between, _ in corners[0]:
                 for _, w, _, used in corners[1]:
                     reason += self._cross(merging, u, between, w, used)
-            if best is None or len(reason) < len(best):
-                best = reason
-        return best
+            reasons.append(reason)
+        return sorted(reasons, key=len)
 
-    def _read(self, merging: Merging, cycle: Cycle) -> list[tuple[int, int, int, int]]:
-        """Return the corners of a cycle: visits come to and left from, dlps between and used.
-
-        The dlps are those of the visit left from, as bits.
-        """
+    def _read(self, merging: Merging, cycle: Cycle) -> list[_Corner]:
         found = []
         for before, after in zip([cycle.chain[-1], *cycle.chain[:-1]], cycle.chain, strict=True):
             u = after.here
             corner, size = cycle.corners[merging.place[u]], self.walk.sizes[u]
             back = -merging.turn[u] % size
-            turned = (_rotate(bits, back, size) for bits in (corner.between, corner.used))
-            found.append((before.there, u, *turned))
+            between, used = (_rotate(bits, back, size) for bits in (corner.between, corner.used))
+            found.append(_Corner(before.there, u, between, used))
         return found
 
     def _align(self, merging: Merging, a: int, b: int) -> Atom:

@@ -13,7 +13,7 @@ from hssh_kb.solver.solving import Models, Symbol, collect_best, ground
 T = TypeVar("T")
 Atom = tuple[str, tuple[int, ...]]
 """Name and arguments."""
-Refute = Callable[[Sequence[tuple[int, ...]]], Iterable[tuple[Atom, bool]] | None]
+Refute = Callable[[Sequence[tuple[int, ...]]], Iterable[Sequence[tuple[Atom, bool]]]]
 
 
 class _Refuter(clingo.Propagator):
@@ -38,15 +38,14 @@ class _Refuter(clingo.Propagator):
     def check(self, control: clingo.PropagateControl) -> None:
         """Refute a complete assignment, or let it pass."""
         is_true = control.assignment.is_true
-        together = self.refute([atom for atom, literal in self._shown if is_true(literal)])
-        if together is None:
-            return
-        nogood = []
-        for atom, truth in together:
-            literal = self._literals.get(atom)
-            if literal is not None:
-                nogood.append(literal if truth else -literal)
-        control.add_nogood(nogood)
+        for together in self.refute([atom for atom, literal in self._shown if is_true(literal)]):
+            nogood = []
+            for atom, truth in together:
+                literal = self._literals.get(atom)
+                if literal is not None:
+                    nogood.append(literal if truth else -literal)
+            if not control.add_nogood(nogood):
+                return
 
 
 def solve_best_refuting(
@@ -67,8 +66,9 @@ def solve_best_refuting(
     program, convert, limit, budget_s : as in :func:`hssh_kb.solver.solve_best`.
     shown, spoken : name and arity of the atoms that are looked at, and of those that reasons
         speak of; their arguments are numbers. Models are told apart by what they show.
-    refute : is given the arguments of the shown atoms that are true; it returns None, or atoms
-        with truth values that they cannot have together. An atom that there is not is false.
+    refute : is given the arguments of the shown atoms that are true; it returns reasons against
+        them, none if they may stand: atoms with truth values that they cannot have together. An
+        atom that there is not is false.
     options : further options of the solver.
     """
     begin = time.monotonic()
