@@ -106,6 +106,27 @@ def _turned(shift: np.ndarray, angle: float) -> np.ndarray:
     return np.array([c * shift[0] - s * shift[1], s * shift[0] + c * shift[1]])
 
 
+def drive_corridor(
+    world: CorridorWorld, settings: PlaceSettings, seed: int
+) -> tuple[float, tuple[PlaceVisit, ...], Entry]:
+    """Drive along a corridor; return metres driven, and the visits where there is no place.
+
+    Its ends are dead ends: what is found within reach of the laser's first and last look is none
+    of the corridor.
+    """
+    rng = np.random.default_rng([seed, 11])
+    truth = follow(world.nodes)
+    truth = truth[np.hypot(*(truth[:, :2] - world.nodes[0]).T) > 2.0]
+    truth = truth[np.hypot(*(truth[:, :2] - world.nodes[-1]).T) > 6.0]
+    log, poses = simulate(world.segments, truth, rng), disturb(truth, rng)
+    visits = detect_places(log, poses, settings)
+    at = np.array([truth[v.scan, :2] for v in visits]).reshape(-1, 2)
+    off = [np.hypot(*(at - world.nodes[end]).T) > 9.0 for end in (0, -1)]
+    strays = tuple(v for v, near in zip(visits, off[0] & off[1], strict=True) if near)
+    length = float(np.hypot(*np.diff(truth[:, :2], axis=0).T).sum())
+    return length, strays, Entry(0, 0, (), strays, log, poses)
+
+
 def find_way(
     world: CorridorWorld, node: int, came: int, went: int, rng: np.random.Generator
 ) -> np.ndarray:
@@ -175,8 +196,8 @@ def follow(points: np.ndarray) -> np.ndarray:
     poses = [np.array([*xy[0], heading[0]])]
     for k in range(1, len(xy)):
         turn = float(wrap_angle(heading[k] - poses[-1][2]))
-        for part in np.linspace(0, turn, max(math.ceil(abs(turn) / STEP_RAD), 1) + 1)[1:]:
-            poses.append(np.array([*xy[k], heading[k] - turn + part]))
+        parts = np.linspace(0, turn, max(math.ceil(abs(turn) / STEP_RAD), 1) + 1)[1:]
+        poses += [np.array([*xy[k], heading[k] - turn + part]) for part in parts]
     return np.array(poses)
 
 
