@@ -255,9 +255,9 @@ def _preferences() -> Iterator[Witness]:
         facts = experience_to_facts(experience)
         every = brute_force.all_maps(plain, planarity=False)
         prices = {
-            (v, r): 0 if len(readings) < 2 else _price(experience, v, r)
-            for v, readings in enumerate(plain)
-            for r in range(len(readings))
+            (v, r): price_of_reading(reading.weight)  # 0 where there is but one
+            for v, visit in enumerate(experience.visits)
+            for r, reading in enumerate(visit.readings)
         }
         for policy, levels in LEVELS.items():
             costs = {}
@@ -277,10 +277,6 @@ def _preferences() -> Iterator[Witness]:
         yield make_witness(
             f"nothing seen, {policy}", ["objective", policy], "", len(levels), count_levels
         )
-
-
-def _price(experience: Experience, v: int, r: int) -> int:
-    return price_of_reading(experience.visits[v].readings[r].weight)
 
 
 # Modes and assumptions.

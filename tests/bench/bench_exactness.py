@@ -23,8 +23,9 @@ from plane_worlds import SHAPES
 
 PLANE_WORLDS, LATTICES, BASIC_WALKS = 500, 200, 300
 LONGEST = (8, 10, 12, 14)
-OFTEN = 20
-"""At least so many worlds must show each shape of place."""
+CROSSINGS = ("T", "Y", "+", "X", "K", "psi", "4-armed", "5-armed")
+OFTEN = 30
+"""At least so many worlds must show each kind of crossing."""
 
 
 def run() -> bool:
@@ -46,7 +47,7 @@ def check_plane_worlds() -> bool:
     print(f"{'places':<12}" + "".join(f"{shape:>10}" for shape in SHAPES))
     for label, counter in (("worlds", worlds_with), ("visits", visits)):
         print(f"{label:<12}" + "".join(f"{counter[shape]:>10}" for shape in SHAPES))
-    rare = [shape for shape in SHAPES if worlds_with[shape] < OFTEN]
+    rare = [shape for shape in CROSSINGS if worlds_with[shape] < OFTEN]
     if rare:
         print(f"in fewer than {OFTEN} worlds: {', '.join(rare)}")
     return _tell(f"{PLANE_WORLDS} worlds in general position", counts, faults) and not rare
