@@ -1,0 +1,83 @@
+"""How sure a gateway is, from what the robot did and saw; what a bare path is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from perception.evidence import see_through, weigh_gateways
+from perception.grid import UNKNOWN, classify
+from perception.sightings import is_path
+from perception.star import Star
+from perception.topology import local_topology
+
+LIMITS = {"min_frontier_px": 9.0, "min_depth_px": 10.0}
+NOWHERE = np.zeros((0, 2))
+
+
+def draw_tee(sliver_px):
+    """A corridor from west to east and a way south, of which a sliver is seen."""
+    image = np.full((150, 150), UNKNOWN, np.uint8)
+    image[62:88, :] = 0
+    image[64:86, :] = 255
+    image[86:, 62:90] = UNKNOWN
+    image[86:, 62] = image[86:, 89] = 0
+    for k in range(sliver_px):
+        image[86 + k, 63 : 63 + max(26 - 26 * k // sliver_px, 1)] = 255
+    return image
+
+
+def read(image):
+    return local_topology(
+        image, resolution_m=0.1, robot_radius_m=0.4, min_depth_m=0.5, denoise=False
+    )
+
+
+def southern(topology):
+    return max(topology.gateways, key=lambda g: g.centre_px[1])
+
+
+def test_one_sees_further_through_a_sliver_than_one_can_go():
+    image = draw_tee(40)
+    gateway = southern(read(image))
+    seen = see_through(gateway, classify(image).free)
+    assert seen > 25
+    assert seen > gateway.depth_px + 5
+
+
+def test_a_way_seen_as_a_sliver_is_surer_than_a_niche():
+    topology = read(draw_tee(40))
+    doubtful = [replace(g, confidence=0.5) for g in topology.gateways]
+    topology = replace(topology, gateways=tuple(doubtful))
+    sliver = weigh_gateways(topology, draw_tee(40), NOWHERE, **LIMITS)
+    niche = weigh_gateways(topology, draw_tee(12), NOWHERE, **LIMITS)
+    assert southern(sliver).confidence > 0.9
+    assert southern(sliver).confidence > southern(niche).confidence
+    assert sum(sliver.star.alpha) == 3
+
+
+def test_a_gateway_that_the_robot_went_through_is_sure():
+    image = draw_tee(40)
+    topology = read(image)
+    x, y = southern(topology).centre_px
+    way = np.array([[x, y - 8], [x + 1, y + 8]])
+    assert southern(weigh_gateways(topology, image, way, **LIMITS)).confidence == 1.0
+
+
+def test_without_gateways_there_is_nothing_to_weigh():
+    topology = replace(read(draw_tee(40)), gateways=())
+    assert weigh_gateways(topology, draw_tee(40), NOWHERE, **LIMITS) is topology
+
+
+@pytest.mark.parametrize(
+    ("star", "told"),
+    [
+        (["a+1", "a-1"], True),
+        (["a+1", "a-0"], False),  # a dead end
+        (["a+1", "b+1", "a-0", "b-0"], False),  # two gateways, but two paths: a corner
+        (["a+1", "b+1", "a-1", "b-0"], False),
+        ([], False),
+    ],
+)
+def test_on_path_is_two_gateways_on_one_path(star, told):
+    assert is_path(Star.parse(star)) is told
