@@ -28,6 +28,7 @@ from hssh_kb.subsets import OutOfTimeError
 from hssh_kb.variant import Variant
 
 Dstate = tuple[int, int]
+_LOOK_S = 2.0
 _QUICK = ("--heuristic=None",)
 """When all maps are wanted, deciding in the order of time never runs into a conflict."""
 
@@ -91,9 +92,10 @@ def enumerate_maps(
         raise UsageError(f"the engine is 'tree' or 'program', not {engine!r}")
     end = _deadline(limit, budget_s)
     count = len(experience)
-    found = _enumerate(experience, count, order, planarity, limit, budget_s, engine, variant)
-    if found.maps or not found.complete:
-        return found
+    if not (order and variant.is_plain and _contradicts_itself(experience, budget_s)):
+        found = _enumerate(experience, count, order, planarity, limit, budget_s, engine, variant)
+        if found.maps or not found.complete:
+            return found
     broken = find_inconsistent_visit(
         experience, order=order, planarity=planarity, budget_s=_rest(end), variant=variant
     )
@@ -101,6 +103,16 @@ def enumerate_maps(
         return Enumeration((), complete=False)
     kept = _enumerate(experience, broken, order, planarity, limit, _rest(end), engine, variant)
     return Enumeration(kept.maps, kept.complete, inconsistent_from=broken)
+
+
+def _contradicts_itself(experience: Experience, budget_s: float | None) -> bool:
+    """Return whether an experience is known to have no map: a long search would find none."""
+    end = time.monotonic() + (_LOOK_S if budget_s is None else min(_LOOK_S, budget_s))
+    oracle = Oracle(experience, (), planarity=False, end=end)
+    try:
+        return not oracle.consistent(frozenset(oracle.literals()))
+    except OutOfTimeError:
+        return False
 
 
 def find_inconsistent_visit(
@@ -209,9 +221,10 @@ def minimal_maps(
                 )
         return _gather(found)
 
-    found = find(len(experience))
-    if found.maps or not found.complete or supposed:
-        return found
+    if supposed or not variant.is_plain or not _contradicts_itself(experience, _rest(end)):
+        found = find(len(experience))
+        if found.maps or not found.complete or supposed:
+            return found
     broken = find_inconsistent_visit(
         experience, planarity=planarity, budget_s=_rest(end), variant=variant
     )

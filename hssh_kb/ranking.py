@@ -26,6 +26,8 @@ COUNT_LIMIT = 2000
 DEFAULT_POLICY = "paths-then-places"
 RankedBy = Literal["minimal", "posterior"]
 _EQUAL = 1e-9
+_COUNT_SHARE, _LEAST_S = 0.25, 0.2
+"""Of the time, so much may go into counting the maps unasked; and some is left in any case."""
 
 
 @dataclass(frozen=True)
@@ -141,12 +143,14 @@ def rank_maps(
         raise UsageError("subset minimality leaves maps out, so it cannot be asked for all maps")
     if variant.weights and (every or not order):
         raise UsageError("weakened axioms rank the best maps; all maps cannot be asked for")
+    end = None if budget_s is None else time.monotonic() + budget_s
     if not variant.weights and (not order or every or minimal != "subset"):
         found = _rank_all(experience, every, best, planarity, order, budget_s, policy, variant)
         if found is not None:
             return found
+    rest = None if end is None else max(end - time.monotonic(), _LEAST_S)
     return _rank_by_minimality(
-        experience, best, minimal or "cardinality", planarity, budget_s, policy, variant
+        experience, best, minimal or "cardinality", planarity, rest, policy, variant
     )
 
 
@@ -207,6 +211,8 @@ def _rank_all(
     from hssh_kb.maps import enumerate_maps
 
     limit = None if every or not order else COUNT_LIMIT
+    if limit is not None and budget_s is not None:
+        budget_s *= _COUNT_SHARE
     found = enumerate_maps(
         experience,
         order=order,
