@@ -36,13 +36,6 @@ class Refusal(NamedTuple):
     travels: tuple[int, ...]
 
 
-class _Face(NamedTuple):
-    """A face of the rotation system: the travels around it, the gateways that open into it."""
-
-    travels: tuple[int, ...]
-    gateways: frozenset[int]
-
-
 @dataclass(frozen=True, slots=True)
 class MapState:
     """What one map asserts after some visits; immutable.
@@ -65,7 +58,7 @@ class MapState:
     path: dict[int, int]
     on_path: dict[int, frozenset[int]]
     component: tuple[int, ...]
-    _faces: dict[int, _Face] = field(default_factory=dict, compare=False, repr=False)
+    _faces: dict[int, tuple[int, ...]] = field(default_factory=dict, compare=False, repr=False)
 
     @classmethod
     def start(cls, star: Star) -> MapState:
@@ -74,14 +67,13 @@ class MapState:
 
     def add_place(self, star: Star) -> MapState:
         """Return the map with one more place, not yet joined to anything."""
-        number = max(self.component) + 1
         return MapState(
             (*self.stars, star),
             self.joined,
             self.travel,
             self.path,
             self.on_path,
-            (*self.component, number),
+            (*self.component, len(self.component)),
         )
 
     def follow(self, place: int, depart: int) -> tuple[int, int] | None:
@@ -124,10 +116,9 @@ class MapState:
             clash = self._find_order_clash(place, depart, other, gateway)
             if clash is not None:
                 return Refusal("order", clash)
-        if planarity and self.component[place] == self.component[other]:
-            face = self._trace_face(place, depart)
-            if face is not None and end not in face.gateways:
-                return Refusal("planarity", face.travels)
+        together = self.component[place] == self.component[other]
+        if planarity and together and not self._share_face(start, end):
+            return Refusal("planarity", self._trace_face(place, depart))
         return None
 
     def join(self, place: int, depart: int, other: int, gateway: int, visit: int) -> MapState:
@@ -141,7 +132,9 @@ class MapState:
         path, on_path = self._merge_paths(place, depart, other, gateway)
         old, new = self.component[other], self.component[place]
         component = self.component
-        if old != new:
+        if other == len(component) - 1 and component.index(old) == other:
+            component = (*component[:-1], new)  # a place just met, the usual case
+        elif old != new:
             component = tuple(new if c == old else c for c in component)
         return MapState(self.stars, joined, travel, path, on_path, component)
 
@@ -194,45 +187,39 @@ class MapState:
                         found.add(visit)
         return tuple(sorted(found))
 
-    def _next_joined(self, place: int, k: int) -> int:
-        """Return the first dlp clockwise after k (k itself last) that has been travelled."""
-        size, base = len(self.stars[place]), place * _BASE
-        for step in range(1, size + 1):
-            after = (k + step) % size
-            if base + after in self.joined:
-                return after
-        return -1
+    def _step_round(self, code: int) -> int:
+        """Return the gateway after one, clockwise round the face that lies on its left."""
+        place, k = divmod(self.joined.get(code, code), _BASE)
+        return place * _BASE + (k + 1) % len(self.stars[place])
 
-    def _trace_face(self, place: int, depart: int) -> _Face | None:
-        """Return the face that a gateway not travelled yet opens into, None if it is the only one.
+    def _share_face(self, start: int, end: int) -> bool:
+        """Return whether two gateways not travelled yet open into one face.
 
-        Traced once for all closures that are tried from one gateway.
+        Faces are followed from both at once, so a long one costs no more than the way round
+        the short one or, if they are the same, the shorter way between the two.
+        """
+        one, two = self._step_round(start), self._step_round(end)
+        while one != end and two != start:
+            if one == start or two == end:
+                return False
+            one, two = self._step_round(one), self._step_round(two)
+        return True
+
+    def _trace_face(self, place: int, depart: int) -> tuple[int, ...]:
+        """Return the travels round the face that a gateway not travelled yet opens into.
+
+        Traced once for all closures that are refused from one gateway.
         """
         start = place * _BASE + depart
         known = self._faces.get(start)
-        if known is not None:
-            return known
-        joined, stars = self.joined, self.stars
-        first = self._next_joined(place, depart)
-        if first < 0:
-            return None  # the place alone is its component, so all its gateways share the face
-        at, out = place, first
-        travels, gateways = set(), set()
-        while True:
-            code = at * _BASE + out
-            travels.add(self.travel[code])
-            at, entered = divmod(joined[code], _BASE)
-            size = len(stars[at])
-            for step in range(1, size + 1):
-                out = (entered + step) % size
-                if at * _BASE + out in joined:
-                    break
-                gateways.add(at * _BASE + out)
-            if at == place and out == first:
-                break
-        face = _Face(tuple(sorted(travels)), frozenset(gateways))
-        self._faces[start] = face
-        return face
+        if known is None:
+            travels, code = set(), self._step_round(start)
+            while code != start:
+                if code in self.joined:
+                    travels.add(self.travel[code])
+                code = self._step_round(code)
+            known = self._faces[start] = tuple(sorted(travels))
+        return known
 
 
 def check_star(reading: Reading) -> None:

@@ -8,6 +8,7 @@ from hssh_kb.consistency import MapState, judge_hypothesis
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.maps import enumerate_maps
 from hssh_kb.trace import make_experience
+from perception.star import Dlp, Star
 
 RING = [(0, 0), (1, 0), (1, 1), (0, 1)] * 2 + [(0, 0)]
 EIGHT = "(0,0)(1,0)(2,0)(2,1)(1,1)(0,1)(0,0)(1,0)(1,1)(2,1)(2,0)(1,0)(0,0)"
@@ -119,6 +120,67 @@ def test_what_planarity_alone_forbids_is_refused_by_it_with_travels_around_a_fac
 CROSS = ["a+1", "b+1", "a-1", "b-1"]
 
 
+def make_star(arms):
+    """A star whose arms are all paths of their own."""
+    dlps = [Dlp(f"p{k}", "+", 1) for k in range(arms)]
+    return Star((*dlps, *(Dlp(f"p{k}", "-", 0) for k in range(arms))))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_faces_are_those_of_the_whole_rotation_system(seed):
+    """Wild maps, grown at random: gateways share a face exactly if tracing all faces says so."""
+    rng = np.random.default_rng(seed)
+    stars = [make_star(int(rng.integers(1, 5))) for _ in range(8)]
+    state = MapState.start(stars[0])
+    for star in stars[1:]:
+        state = state.add_place(star)
+    gates = [(p, k) for p, star in enumerate(stars) for k in range(len(star))]
+    for visit in range(1, 17):
+        free = [gate for gate in gates if state.follow(*gate) is None]
+        if len(free) < 2:
+            break
+        _compare_with_faces(state, gates, free)
+        fits = [
+            (a, b) for a in free for b in free if state.find_refusal(*a, *b, order=False) is None
+        ]
+        if not fits:
+            break
+        one, other = fits[int(rng.integers(len(fits)))]
+        state = state.join(*one, *other, visit)
+
+
+def _compare_with_faces(state, gates, free):
+    """Hold refusals by planarity against the faces and pieces traced from scratch."""
+    size = [len(star) for star in state.stars]
+    piece = list(range(len(size)))
+    for p, k in gates:
+        far = state.follow(p, k)
+        if far is not None:
+            old = piece[far[0]]
+            piece = [piece[p] if c == old else c for c in piece]
+    face, around = {}, {}
+    for gate in gates:
+        at, ring = gate, []
+        while at not in face:
+            face[at] = gate
+            ring.append(at)
+            p, k = state.follow(*at) or at
+            at = p, (k + 1) % size[p]
+        around.setdefault(face[gate], set()).update(
+            state.find_travel(*g) for g in ring if state.follow(*g)
+        )
+    for a in free:
+        for b in free:
+            refusal = state.find_refusal(*a, *b, order=False)
+            if a == b:
+                assert refusal.axiom == "reversibility"
+            elif piece[a[0]] != piece[b[0]] or face[a] == face[b]:
+                assert refusal is None
+            else:
+                assert refusal.axiom == "planarity"
+                assert refusal.travels == tuple(sorted(around[face[a]]))
+
+
 def test_refusals_name_the_axiom_and_the_travels_it_rests_on():
     # North, back south to the first place, north again.
     experience = make_experience([(CROSS, None, 0), (CROSS, 0, 2), (CROSS, 2, 0), (CROSS, 0, None)])
@@ -140,7 +202,8 @@ def test_a_doubted_travel_asserts_nothing():
     verdict = judge_hypothesis(experience, claim)
     assert verdict.consistent
     assert verdict.state.follow(0, 0) == (1, 2)
-    assert verdict.state.component == (0, 0, 1)
+    one, two, three = verdict.state.component
+    assert one == two != three
 
 
 def test_stars_that_do_not_match_are_no_one_place():
