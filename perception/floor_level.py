@@ -164,6 +164,8 @@ def close_gateways(
     ends = set[int]()
     for number, points in cuts.items():
         ends |= graph.cut(number, sorted(points))
+    for node in list(graph.at):
+        graph.join_at(node)
     near = None
     if start_px is not None:
         gap = {k: _measure_gap(b, start_px) for k, b in graph.branches.items()}

@@ -280,3 +280,25 @@ def test_no_way_at_all_is_told():
     image[50, 5:95] = FREE  # a slit
     with pytest.raises(InputError, match="no free space"):
         explore_floor(image, frame_of(image))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_any_grid_is_explored_or_refused(seed):
+    rng = np.random.default_rng(seed)
+    for _ in range(8):
+        height, width = rng.integers(3, 160, 2)
+        image = rng.choice([OCCUPIED, UNKNOWN, FREE], size=(height, width), p=[0.06, 0.04, 0.9])
+        if rng.random() < 0.5:
+            image = np.where(
+                cv2.GaussianBlur(rng.random((height, width)), (0, 0), 4) > 0.49, 254, 0
+            )
+        resolution = float(rng.choice([0.05, 0.1, 0.3]))
+        frame = Frame(0.0, height * resolution, resolution)
+        doors = str(rng.choice(["keep", "ignore"]))
+        try:
+            floor = explore_floor(
+                image.astype(np.uint8), frame, doors=doors, min_gateway_m=float(rng.choice([0, 1]))
+            )
+        except InputError:
+            continue
+        assert degrees(floor) == [len(place.gateways) for place in floor.places]

@@ -221,3 +221,25 @@ def test_reads_what_opencv_writes_as_pgm(tmp_path):
     path = write_ros_map(tmp_path, LEVELS, image="floor.pgm")
     cv2.imwrite(str(tmp_path / "floor.pgm"), LEVELS)
     assert (read_ros_map(path).image[:, 0] == OCCUPIED).all()
+
+
+def test_any_bytes_are_read_or_refused(tmp_path):
+    rng = np.random.default_rng(3)
+    sheet = write_ros_map(tmp_path, LEVELS)
+    image = next(path for path in tmp_path.iterdir() if path != sheet)
+    good = {path: path.read_bytes() for path in (sheet, image)}
+    refused = 0
+    for path in [sheet, image] * 60:
+        data = bytearray(good[path])
+        for _ in range(int(rng.integers(1, 5))):
+            at = int(rng.integers(len(data)))
+            data[at : at + int(rng.integers(0, 4))] = rng.bytes(int(rng.integers(0, 4)))
+        path.write_bytes(bytes(data))
+        try:
+            found = read_ros_map(sheet)
+        except InputError:
+            refused += 1
+        else:
+            assert found.image.ndim == 2
+        path.write_bytes(good[path])
+    assert 0 < refused < 120
