@@ -6,8 +6,18 @@ committed only when several readings of the LPM agree on where it is. Once the r
 scans of the whole passage are drawn into one map about the place; its star is voted for by all
 readings, those of that map above all, and the runner-ups are kept as alternative readings.
 
-Source: Beeson 2008, section 5.3.2 (on-path test, confirmation before a place is committed).
-Grouping by base point, the map of the passage, voting and the runner-ups are ours.
+A place goes through four states. *Suspected*: the first reading that is no bare path. *Confirmed*:
+enough readings speak of it, also those that look back at it, and most of those taken here. *Left*:
+the robot is farther off than its gateways. *Committed*: passages of which one is part of the other,
+or between which the robot merely turned round, are one visit; those beside each other are two, with
+a travel of no length between them. What is left without being confirmed is dropped.
+
+A visit keeps its local map, and readings relative to the centre of the place: the place's own frame
+has its origin there and the axes of the drive.
+
+Source: Beeson 2008, section 5.3.2 (on-path test, confirmation before a place is committed) and 5.4
+(travels between adjacent places). Grouping by base point, the map of the passage, voting and the
+runner-ups are ours.
 """
 
 from __future__ import annotations

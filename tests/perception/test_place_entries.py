@@ -3,9 +3,17 @@
 import numpy as np
 import pytest
 
-from perception.places import PlaceSettings
+from perception.grid import FREE
+from perception.places import PlaceSettings, detect_places
 from tests.perception.corridor_worlds import draw_corridor, draw_grid, draw_radial
-from tests.perception.place_drives import drive_corridor, enter_by_all, judge
+from tests.perception.place_drives import (
+    disturb,
+    drive_corridor,
+    enter_by_all,
+    follow,
+    judge,
+    simulate,
+)
 
 
 @pytest.mark.parametrize("kind", ["+", "L", "dead end"])
@@ -29,6 +37,21 @@ def test_a_corner_among_open_doors_is_the_same_once_doors_are_ignored():
     settings = PlaceSettings(min_gateway_m=1.05)
     verdict = judge(world, 0, enter_by_all(world, 0, settings, seed=2))
     assert verdict.same == verdict.true == verdict.entries
+
+
+def test_walking_about_in_a_place_is_one_visit():
+    world = draw_radial("T", seed=4)
+    ahead = [np.array([np.cos(h), np.sin(h)]) for h, _, _ in world.arms(0)]
+    way = np.array([7 * ahead[0], 0 * ahead[0], ahead[1], -0.2 * ahead[1], ahead[2], 6 * ahead[2]])
+    rng = np.random.default_rng(5)
+    truth = follow(way)
+    visits = detect_places(simulate(world.segments, truth, rng), disturb(truth, rng))
+    (visit,) = visits
+    assert np.hypot(*visit.centre_m) < 1.0
+    row, column = np.array(visit.tile.shape) // 2
+    at = visit.tile_frame.to_pixels(visit.centre_m)
+    assert np.abs(at - [column, row]).max() < 15  # the stored map was taken near the centre
+    assert visit.tile[tuple(np.round(at[::-1]).astype(int))] == FREE
 
 
 def test_a_long_corridor_has_no_place():
