@@ -34,11 +34,11 @@ def plain(literals):
     return frozenset((x.kind, x.number) for x in literals)
 
 
-def compare(seed):
+def compare(seed, fewest=1, most=2):
     """Compare all conflicts and repairs of one case with brute force: None if there are none."""
     rng = random.Random(seed)
     experience = draw(seed, rng.randint(2, 3))
-    given = suppose(rng, len(experience), rng.randint(1, 2))
+    given = suppose(rng, len(experience), rng.randint(fewest, most))
     force = Force(brute_force.plain(experience), given)
     supposed = [parse_assumption(experience, text(a)) for a in given]
     oracle = Oracle(experience, supposed)
