@@ -17,6 +17,7 @@ occupancy map with its ROS description (.pgm and .yaml). The ending of the name 
 EXAMPLES = """\
   hssh export office.hssh -o office.json
   hssh export office.hssh -o office.lp
+  hssh export views.json -o views.lp               a basic trace: for axioms/basic_maps.lp
   hssh export office.hssh -o office.pgm            writes office.yaml too
 """
 
