@@ -38,7 +38,7 @@ import brute_force
 import worlds
 from plane_worlds import random_plane_world
 
-DRIVES, LONGEST, SAMPLE, RESAMPLED, FEW = 16, 8, 80, 400, 5000
+DRIVES, LONGEST, SAMPLE, RESAMPLED, FEW = 16, 12, 80, 400, 5000
 PUBLISHED = 3.0
 THEORIES = ("hybrid", "basic, as driven", "basic, looks around")
 Grow = Callable[[Any], Iterable[Any]]
