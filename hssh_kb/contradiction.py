@@ -10,6 +10,8 @@ Source: ours.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +23,9 @@ from hssh_kb.node import Node
 
 SURPRISE_NATS = 4.0
 """A closure so much more probable than the new place that a map makes of a visit is called for."""
+
+STRAIN_NATS = 12.5
+"""A closure this much less probable than a new place is five standard deviations off."""
 
 _NARROW_NATS = -1.0  # places that leave more room than that lie on no other
 _MOST_COMPANIONS = 3
@@ -63,15 +68,10 @@ def find_contradiction(experience: Experience, tree: MapTree, lead: Node) -> Con
     ------
     Ours.
     """
-    for node in lead.chain()[2:]:
-        if not node.is_new or node.addends.exclusion > _NARROW_NATS or node.parent is None:
-            continue
-        first, surprise = _find_place_under(tree, node, node.parent)
-        if surprise < SURPRISE_NATS:
-            continue
+    for node, first, surprise in _list_surprises(tree, lead):
         visit = node.visit
         seen = replace(experience, visits=experience.visits[: visit + 1])
-        there = [v for v in _list_visits(node.parent, first) if v != first][:_MOST_COMPANIONS]
+        there = [v for v in _list_visits(node, first) if v != first][:_MOST_COMPANIONS]
         supposed = [f"v{v}=v{first}" for v in (visit, *there)]
         found = check(seen, supposed, planarity=tree.planarity, budget_s=_CHECK_BUDGET_S)
         if found.consistent is False and found.violations:
@@ -80,6 +80,61 @@ def find_contradiction(experience: Experience, tree: MapTree, lead: Node) -> Con
             doubts = tuple(r for r in kept if len(r) == least)
             return _tell(experience, visit, first, surprise, doubts, found.violations[0].text)
     return None
+
+
+def tell_strains(experience: Experience, tree: MapTree, lead: Node) -> str:
+    """Say which displacements speak against the best map; '' if none does.
+
+    Where the axioms leave one place only, a displacement that contradicts it is outvoted, however
+    little it agrees; that is told, not hidden.
+
+    Parameters
+    ----------
+    experience, tree, lead : as for :func:`find_contradiction`.
+
+    Source
+    ------
+    Ours.
+    """
+    least = -math.log(tree.score.area_m2) - STRAIN_NATS
+    strained = [n for n in lead.chain()[2:] if not n.is_new and n.addends.layout < least]
+    if not strained:
+        return _tell_needless(experience, tree, lead)
+    worst = min(strained, key=lambda node: (node.addends.layout, node.visit))
+    name = experience.visit_label
+    first = _list_visits(worst, worst.visit)[0]
+    more = len(strained) - 1
+    others = f" ({more} more as well)" if more else ""
+    return (
+        f"The displacement from {name(worst.visit - 1)} to {name(worst.visit)} speaks against "
+        f"{name(worst.visit)} being the place of {name(first)} by "
+        f"{-worst.addends.layout:.0f} nats{others}, but nothing else fits better; doubt it."
+    )
+
+
+def _tell_needless(experience: Experience, tree: MapTree, lead: Node) -> str:
+    """Say which two visits on one spot the best map keeps apart though no axiom asks for it."""
+    for node, first, surprise in _list_surprises(tree, lead):
+        name = experience.visit_label
+        return (
+            f"{name(node.visit)} lies where {name(first)} is, and the best map keeps the two "
+            f"apart against {surprise:.0f} nats, only because later displacements agree better "
+            "so: doubt one of them."
+        )
+    return ""
+
+
+def _list_surprises(tree: MapTree, lead: Node) -> Iterator[tuple[Node, int, float]]:
+    """Yield the visits that a map makes new places though they lie on known ones.
+
+    Each with the first visit of the known place, and by how much that is more probable [nats].
+    """
+    for node in lead.chain()[2:]:
+        if not node.is_new or node.addends.exclusion > _NARROW_NATS or node.parent is None:
+            continue
+        first, surprise = _find_place_under(tree, node, node.parent)
+        if surprise >= SURPRISE_NATS:
+            yield node, first, surprise
 
 
 def _find_place_under(tree: MapTree, node: Node, parent: Node) -> tuple[int, float]:

@@ -45,7 +45,7 @@ class RankedMaps:
     inconsistent_from : the first visit with which no consistent map is left; None if there is
         one. The maps are then those of the visits before it.
     contradiction : what clashes there, and the least to doubt, where displacements call for
-        what the axioms refuse; '' elsewhere.
+        what the axioms refuse; or which displacements speak against the best map; else ''.
     policy : the preference, where minimality decided.
     log_evidence : where the posterior decided, log of the summed posteriors of all maps found.
     penalty : what the violations of weakened axioms cost in each of the maps; they are then the
@@ -193,7 +193,7 @@ def _rank_by_posterior(experience: Experience, best: int, budget_s: float | None
         inconsistent_from=None if spent else found.inconsistent_from,
         budget_spent=spent,
         log_evidence=found.log_evidence,
-        contradiction=found.contradiction.text if found.contradiction else "",
+        contradiction=found.contradiction.text if found.contradiction else found.strains,
     )
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hssh_kb.contradiction import Contradiction, find_contradiction
+from hssh_kb.contradiction import Contradiction, find_contradiction, tell_strains
 from hssh_kb.errors import InputError
 from hssh_kb.experience import Experience
 from hssh_kb.hypothesis import Hypothesis
@@ -40,6 +40,7 @@ class SearchResult:
         probabilities of their log posteriors; None if there is none.
     contradiction : what clashes at ``inconsistent_from`` and what to doubt, where it is the
         displacements that call for what the axioms refuse.
+    strains : which displacements speak against the best map, in words; '' if none does.
     """
 
     maps: tuple[Hypothesis, ...]
@@ -51,6 +52,7 @@ class SearchResult:
     spent: bool = False
     log_evidence: float | None = None
     contradiction: Contradiction | None = None
+    strains: str = ""
 
 
 def search_maps(
@@ -108,7 +110,10 @@ def search_maps(
                 reason=f"inconsistent from visit {clash.visit}: {clash.text}",
                 contradiction=clash,
             )
-    return _sum_up(tree, len(experience), best)
+    found = _sum_up(tree, len(experience), best)
+    if lead is not None and not tree.score.slip:
+        found = replace(found, strains=tell_strains(experience, tree.tree, lead))
+    return found
 
 
 def sum_posteriors(maps: Sequence[Hypothesis]) -> float | None:

@@ -26,18 +26,10 @@ from hssh_kb.experience import (
 from perception.star import Dlp, Star, star_faults
 
 SCHEMA = "hssh.trace/1"
+_ANY_HEADING_RAD2 = math.pi**2 / 3  # variance of a heading of which nothing is known
 _VISIT_KEYS = {
-    "star",
-    "arrive",
-    "depart",
-    "name",
-    "displacement",
-    "alternatives",
-    "headings",
-    "types",
-    "pose",
-    "time_s",
-    "lpm_matches",
+    *("star", "arrive", "depart", "name", "displacement", "alternatives"),
+    *("headings", "types", "pose", "time_s", "lpm_matches"),
 }
 
 
@@ -177,7 +169,7 @@ def _parse_visit(
     name = item.get("name")
     if name is not None and not isinstance(name, str):
         faults.add(where, f"'name' must be a text, found {name!r}")
-    displacement = _parse_displacement(where, item.get("displacement"), faults)
+    displacement = _parse_displacement(where, item.get("displacement"), faults, notices)
     if displacement is not None and v == 0:
         faults.add(where, "the first visit has no previous visit, so no 'displacement'")
     pose = item.get("pose")
@@ -303,6 +295,7 @@ def _parse_displacement(
     where: str,
     item: Any,  # noqa: ANN401
     faults: _Faults,
+    notices: list[str],
 ) -> Displacement | None:
     if item is None:
         return None
@@ -310,17 +303,21 @@ def _parse_displacement(
     if not isinstance(item, dict):
         faults.add(where, "must be an object with x, y, theta and cov")
         return None
-    bad = [key for key in ("x", "y", "theta") if not _is_number(item.get(key))]
+    blind = item.get("theta") is None
+    bad = [key for key in ("x", "y", "theta")[: 3 - blind] if not _is_number(item.get(key))]
     for key in bad:
         faults.add(where, f"'{key}' must be a finite number, found {item.get(key)!r}")
     if bad:
         return None
-    x, y, theta = float(item["x"]), float(item["y"]), float(item["theta"])
+    x, y, theta = float(item["x"]), float(item["y"]), float(item.get("theta") or 0.0)
     try:
         cov = checked_covariance(item.get("cov", default_covariance(x, y)))
     except ValueError as error:
         faults.add(where, str(error))
         return None
+    if blind:
+        notices.append(f"{where}: no 'theta', so the heading is taken for unknown")
+        cov = (*((*row[:2], 0.0) for row in cov[:2]), (0.0, 0.0, _ANY_HEADING_RAD2))
     return Displacement(x, y, theta, cov)
 
 

@@ -211,6 +211,7 @@ def _summarise(experience: Experience, ranked: RankedMaps, rows: Sequence[MapRow
             text = "The consistent maps were not all counted; "
         text += f"{count_noun(len(rows), 'map')} shown. "
         text += _say_what_decided(ranked)
+        text += f" {ranked.contradiction}" if ranked.contradiction else ""
     if rows and rows[0].tie > 1:
         text += f" The first {rows[0].tie} tie: nothing that was observed tells them apart."
     if ranked.budget_spent:

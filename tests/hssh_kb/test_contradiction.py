@@ -5,11 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from symbolic_walks import Eyes, blind, find_first_clash, make_grid, observe, walk_randomly
+from symbolic_walks import (
+    Eyes,
+    blind,
+    find_first_clash,
+    follow_route,
+    make_grid,
+    observe,
+    walk_randomly,
+)
 
 from hssh_kb.experience import Experience
 from hssh_kb.kb import KnowledgeBase
 from hssh_kb.search import search_maps
+from hssh_kb.trace import experience_from_data, experience_to_data
 
 
 def _walk(seed, travels, eyes, *, size=4, stubs=False):
@@ -69,3 +78,43 @@ def test_the_contradiction_is_kept_and_told_in_the_users_names(tmp_path):
     assert len(kb.hypothesis().visits) == found.inconsistent_from
     kb.save(tmp_path / "kb.hssh")
     assert KnowledgeBase.open(tmp_path / "kb.hssh").ranked == kb.ranked
+
+
+def _spoil(truth, v, dy):
+    visits = list(truth.experience.visits)
+    told = visits[v].displacement
+    visits[v] = replace(visits[v], displacement=replace(told, y=told.y + dy))
+    return Experience(tuple(visits))
+
+
+def test_displacements_that_contradict_each_other_are_told():
+    """The same stretch is travelled four times; the second time it is told 12 sigma too far."""
+    route = follow_route(make_grid(3, 2), [0, 1, 2, 5, 4, 1, 2, 5, 4, 1, 0])
+    truth = observe(make_grid(3, 2), route, Eyes(), np.random.default_rng(0))
+    assert search_maps(truth.experience).strains == ""
+    found = search_maps(_spoil(truth, 6, 0.6))
+    assert found.strains.startswith("v5 lies where v1 is, and the best map keeps the two apart")
+    ends = [0, 1, 0, 1, 0, 1]  # there and back between dead ends: the axioms leave one map only
+    world = make_grid(2, 1)
+    there = observe(world, follow_route(world, ends), Eyes(), np.random.default_rng(0))
+    forced = search_maps(_spoil(there, 3, 0.8))
+    assert forced.maps[0].visits == there.partition
+    assert (
+        "The displacement from v2 to v3 speaks against v3 being the place of v1" in forced.strains
+    )
+
+
+@pytest.mark.parametrize("lost", [1, 5])
+def test_a_heading_that_is_not_told_is_taken_for_unknown(lost):
+    right = 0
+    for seed in range(4):
+        truth = _walk(seed, 30, Eyes())
+        data = experience_to_data(truth.experience)
+        for v in np.random.default_rng(seed).permutation(np.arange(1, 31))[:lost]:
+            del data["visits"][v]["displacement"]["theta"]
+        experience = experience_from_data(data)
+        assert sum("the heading is taken for unknown" in n for n in experience.notices) == lost
+        found = search_maps(experience)
+        assert found.contradiction is None
+        right += found.maps[0].visits == truth.partition
+    assert right >= 3
