@@ -29,6 +29,7 @@ from tests.bench.floor_truth import (
     STRANDS,
     Floor,
     HandGraph,
+    count_ways,
     list_ipa,
     load_amrl,
     load_gdc,
@@ -210,6 +211,7 @@ def _report_graphs() -> bool:
     print(
         f"\n{'hand graph':12}{'nodes':>6}{'links':>6}{'connections':>12}{'(trial)':>9}{'(goal)':>8}"
         f"{'junctions 1 m':>14}{'(chance)':>9}{'(trial)':>9}{'(goal)':>8}{'2 m':>6}"
+        f"{'where ways part':>17}"
     )
     good = True
     for name in [*STRANDS, *AMRL_TRIAL, *OTHERS]:
@@ -221,14 +223,16 @@ def _report_graphs() -> bool:
         else:
             parts = [explore_floor(hand.image, hand.frame, start_m=tuple(hand.nodes[0]))]
         linked = rate_connections(parts, hand)
-        one, two, chance, count = rate_junctions(parts, hand)
+        one, two, chance, parting = rate_junctions(parts, hand)
+        count = len(parting)
         trial = AMRL_TRIAL.get(name, (np.nan, np.nan))
         goal = CONNECTIONS.get(name, (0.0, trial[0]))
         junction = JUNCTIONS.get(name, (0.0, trial[1]))
         print(
             f"{name:12}{count:6}{len(hand.links):6}{linked:12.2f}{goal[1]:9.2f}"
             f"{goal[0] or '-':>8}{one:14.2f}{chance:9.2f}{junction[1]:9.2f}"
-            f"{junction[0] or '-':>8}{two:6.2f}",
+            f"{junction[0] or '-':>8}{two:6.2f}"
+            f"{int(np.nansum(parting)):>9} of {int(np.isfinite(parting).sum())}",
             flush=True,
         )
         if name in CONNECTIONS:
@@ -271,10 +275,13 @@ def rate_connections(parts: list[FloorMap], hand: HandGraph) -> float:
     return found / len(hand.links)
 
 
-def rate_junctions(parts: list[FloorMap], hand: HandGraph) -> tuple[float, float, float, int]:
+def rate_junctions(
+    parts: list[FloorMap], hand: HandGraph
+) -> tuple[float, float, float, np.ndarray]:
     """Return the share of nodes of three links or more with a junction within 1 m, and 2 m.
 
-    Then the share of free points around the graph that have one within 1 m, and how many nodes.
+    Then the share of free points around the graph that have one within 1 m; and (n,) of each node
+    whether it has one, NaN if fewer than three ways lead on there: a mere waypoint.
     """
     degree = np.bincount(np.array(hand.links).ravel(), minlength=len(hand.nodes))
     places = [p.centre_m for part in parts for p in part.places if len(p.gateways) >= 3]
@@ -288,7 +295,9 @@ def rate_junctions(parts: list[FloorMap], hand: HandGraph) -> tuple[float, float
     points = points[((points > ends.min(0) - margin) & (points < ends.max(0) + margin)).all(axis=1)]
     sample = points[np.random.default_rng(0).integers(len(points), size=4000)]
     chance = tree.query(hand.frame.to_metres(sample))[0] <= 1
-    return float((away <= 1).mean()), float((away <= 2).mean()), float(chance.mean()), len(nodes)
+    branches = count_ways(hand.image, hand.frame, nodes) >= 3
+    parting = np.where(branches, away <= 1, np.nan)
+    return float((away <= 1).mean()), float((away <= 2).mean()), float(chance.mean()), parting
 
 
 def _report_cost() -> bool:

@@ -176,3 +176,39 @@ def load_amrl(name: str) -> HandGraph | None:
     nodes = np.array([[node["loc"]["x"], node["loc"]["y"]] for node in data["nodes"]], float)
     links = [(number[edge["s0_id"]], number[edge["s1_id"]]) for edge in data["edges"]]
     return HandGraph(image, frame, nodes, links)
+
+
+_FARTHEST_M = 8.0
+
+
+def count_ways(image: np.ndarray, frame: Frame, points: np.ndarray) -> np.ndarray:
+    """Return (n,) how many ways lead on from each point, without a skeleton.
+
+    The free space around a point, just beyond its clearance, falls into so many parts of more than
+    0.25 m2; the most over four rings.
+    """
+    resolution = frame.resolution_m
+    solid = (image != FREE).astype(np.uint8)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(solid, connectivity=8)
+    small = stats[:, 2:4].max(axis=1) * resolution < 0.7
+    small[0] = False
+    free = np.pad(((solid == 0) | small[labels]).astype(np.uint8), 1)
+    distance = cv2.distanceTransform(free, cv2.DIST_L2, 5)
+    reach = round(_FARTHEST_M / resolution)
+    found = []
+    for x, y in (np.round(frame.to_pixels(points)).astype(int) + 1).tolist():
+        left, top = max(x - reach, 0), max(y - reach, 0)
+        part = free[top : y + reach + 1, left : x + reach + 1]
+        rows, columns = np.indices(part.shape)
+        away = np.hypot(columns - (x - left), rows - (y - top)) * resolution
+        clearance = float(distance[y, x]) * resolution
+        most = 0
+        for beyond in (0.4, 0.8, 1.2, 1.6):
+            first, last = clearance + beyond, clearance + beyond + 0.5
+            disc = ((away <= last) & (part > 0)).astype(np.uint8)
+            _, around = cv2.connectedComponents(disc, connectivity=4)
+            ring = (around == around[y - top, x - left]) & (away > first) & (disc > 0)
+            stats = cv2.connectedComponentsWithStats(ring.astype(np.uint8), connectivity=4)[2]
+            most = max(most, int((stats[1:, cv2.CC_STAT_AREA] * resolution**2 > 0.25).sum()))
+        found.append(most)
+    return np.array(found)
