@@ -53,7 +53,7 @@ EXAMPLES = """\
   hssh maps office.hssh --best 3 --query 'at(7,P)'  where visit 7 was, in the three best maps
 """
 DEFAULT_BUDGET_S = 60.0
-_COLUMNS = ("map", "rank", "places", "paths", "log posterior", "probability")
+_COLUMNS = ("map", "rank", "places", "paths", "log posterior")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -173,9 +173,12 @@ def _format_maps(experience: Experience, ranked: RankedMaps, *, verbose: bool) -
 
     rows = tabulate_maps(experience, ranked)
     lines = [*wrap_words(_summarise(experience, ranked, rows), 92), ""]
+    shares = [f"{row.probability:.3f}" for row in rows if row.probability is not None]
+    likely = len(shares) == len(rows)
+    columns = [*_COLUMNS, *(["probability"] if likely else []), "place of each visit"]
     lines.append(
         format_table(
-            [*_COLUMNS, "place of each visit"],
+            columns,
             [
                 [
                     str(row.number),
@@ -183,12 +186,12 @@ def _format_maps(experience: Experience, ranked: RankedMaps, *, verbose: bool) -
                     str(row.places),
                     str(row.paths),
                     _format_number(row.hypothesis.log_posterior),
-                    "-" if row.probability is None else f"{row.probability:.3f}",
+                    *(shares[i : i + 1] if likely else []),
                     " ".join(f"P{place}" for place in row.hypothesis.visits),
                 ]
-                for row in rows
+                for i, row in enumerate(rows)
             ],
-            left=frozenset({len(_COLUMNS)}),
+            left=frozenset({len(columns) - 1}),
         )
     )
     if verbose:
