@@ -117,9 +117,9 @@ def _tell_needless(experience: Experience, tree: MapTree, lead: Node) -> str:
     for node, first, surprise in _list_surprises(tree, lead):
         name = experience.visit_label
         return (
-            f"{name(node.visit)} lies where {name(first)} is, and the best map keeps the two "
-            f"apart against {surprise:.0f} nats, only because later displacements agree better "
-            "so: doubt one of them."
+            f"{name(node.visit)} lies where {name(first)} is, but what was observed later keeps "
+            f"the two apart, against {surprise:.0f} nats: doubt the displacement to "
+            f"{name(node.visit)}, or what came later."
         )
     return ""
 
