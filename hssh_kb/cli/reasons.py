@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -72,6 +73,7 @@ def explain_new_place(args: argparse.Namespace, kb: KnowledgeBase, variant: Vari
     from hssh_kb.alternatives import tell_possible
     from hssh_kb.theory_answers import document_new
 
+    start = time.monotonic()
     with show_progress("checking"):
         answer = kb.explain_new(args.why_new, budget_s=args.budget, variant=variant)
     hypothesis = kb.hypothesis(args.map)
@@ -79,8 +81,9 @@ def explain_new_place(args: argparse.Namespace, kb: KnowledgeBase, variant: Vari
         hypothesis.visits[answer.visit] == answer.visit
     )
     note = "" if is_new else _tell_place(kb, answer.visit, args.map)
+    share = max(args.budget - (time.monotonic() - start), 1.0) / max(len(answer.earlier), 1)
     possible = {
-        earlier: tell_possible(kb, answer.visit, earlier, args.map)
+        earlier: tell_possible(kb, answer.visit, earlier, args.map, budget_s=share)
         for earlier, check in answer.earlier
         if check.consistent
     }
