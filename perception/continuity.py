@@ -163,6 +163,24 @@ def read_star(
     return _read(gateways, centre_px, tuple(paths), weight)
 
 
+def tell_ends(readings: Sequence[StarReading], end_types: Sequence[str]) -> tuple[StarReading, ...]:
+    """Return the readings with the types of the dlps that cannot be travelled filled in.
+
+    Parameters
+    ----------
+    end_types : per gateway, the type of the dlp opposite to the one that leaves through it.
+    """
+    told = []
+    for reading in readings:
+        types = list(reading.types)
+        for k, j in enumerate(reading.star.opposites):
+            gateway = reading.gateway_out[j]
+            if reading.gateway_out[k] is None and gateway is not None:
+                types[k] = end_types[gateway]
+        told.append(replace(reading, types=tuple(types)))
+    return tuple(told)
+
+
 def _bend(g: Gateway, h: Gateway) -> float:
     """Return the angle between passing in through g and out through h, radians, >= 0."""
     turn = h.outward_rad - g.outward_rad - math.pi

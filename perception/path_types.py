@@ -63,7 +63,11 @@ def tell_path_type(branch: Branch, place: int) -> str:
 
 
 def tell_end_types(
-    gateways: Sequence[Gateway], base_px: Array, region: Region, midline_px: float
+    gateways: Sequence[Gateway],
+    base_px: Array,
+    region: Region,
+    midline_px: float,
+    wanted: Sequence[int] | None = None,
 ) -> tuple[str, ...]:
     """Return for each gateway what lies straight on behind the place: DEADEND, NONE, "" if mixed.
 
@@ -71,12 +75,15 @@ def tell_end_types(
     ----------
     gateways : of one place. base_px : (k, 2) its base points.
     midline_px : M; a wall further than 1.3 M from the place is out of reach.
+    wanted : indices of those that it is to be told of, all by default; "" for the others.
     """
-    if not gateways:
-        return ()
+    wanted = range(len(gateways)) if wanted is None else wanted
+    found = [""] * len(gateways)
+    if not wanted:
+        return tuple(found)
     height, width = region.inside.shape
-    centre = np.array([g.centre_px for g in gateways])
-    outward = np.array([g.outward_rad for g in gateways])
+    centre = np.array([gateways[k].centre_px for k in wanted])
+    outward = np.array([gateways[k].outward_rad for k in wanted])
     heading = (outward[:, None] + math.pi + _SPREAD_RAD * np.array([-1.0, 0.0, 1.0])).ravel()
     reach = _IN_REACH * midline_px
     span = float(np.hypot(*(centre[:, None] - base_px[None]).transpose(2, 0, 1)).min(axis=1).max())
@@ -89,10 +96,9 @@ def tell_end_types(
     np.clip(row, 0, height - 1, out=row)
     stops = ~region.inside[row, column] | outside
     last = np.where(stops.any(axis=1), stops.argmax(axis=1) - 1, -2)
-    found = []
-    for k in range(len(gateways)):
+    for place, k in enumerate(wanted):
         kinds = set()
-        for ray in range(3 * k, 3 * k + 3):
+        for ray in range(3 * place, 3 * place + 3):
             i = int(last[ray])
             if i < 0:  # starts in a wall, or meets none
                 kinds.add("" if i == -1 else "NONE")
@@ -100,7 +106,8 @@ def tell_end_types(
             cell = int(column[ray, i]), int(row[ray, i])
             way = float(heading[ray]), float(step[i])
             kinds.add(_judge(k, gateways, way, cell, base_px, region, reach))
-        found.append(kinds.pop() if len(kinds) == 1 else "")
+        if len(kinds) == 1:
+            found[k] = kinds.pop()
     return tuple(found)
 
 

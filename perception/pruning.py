@@ -75,6 +75,8 @@ def _leaf_to_drop(skeleton: Skeleton, region: Region, min_depth_px: float) -> Br
                 continue
             if skeleton.nodes[leaf].exit is None:
                 return branch
+            if min_depth_px <= 0:
+                continue
             exit_ = region.exits[skeleton.nodes[leaf].exit or 0]
             depth = _depth(branch, skeleton.nodes[base], exit_)
             if depth < min_depth_px:

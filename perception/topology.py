@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from perception.continuity import Continuity, StarReading, rate_alignments, read_stars
+from perception.continuity import Continuity, StarReading, rate_alignments, read_stars, tell_ends
 from perception.core import Base, Core, find_core
 from perception.denoise import mend_walls, remove_noise
 from perception.errors import InputError
@@ -160,10 +160,15 @@ def local_topology(
         return _enclosed(region, started)
     core = find_core(skeleton, region, base=base)
     gateways = _find_gateways(core, region, skeleton, (method, direction), scale)
-    ends = tell_end_types(gateways, core.base_px, region, midline)
-    gateways = tuple(replace(g, opposite_type=end) for g, end in zip(gateways, ends, strict=True))
     middle = core.base_px.mean(axis=0)
     readings = read_stars(gateways, (float(middle[0]), float(middle[1])), continuity=continuity)
+    alone = sorted({one.gateways[0] for one in rate_alignments(readings) if len(one.gateways) == 1})
+    if alone:
+        ends = tell_end_types(gateways, core.base_px, region, midline, alone)
+        gateways = tuple(
+            replace(g, opposite_type=end) for g, end in zip(gateways, ends, strict=True)
+        )
+        readings = tell_ends(readings, ends)
     return _assemble(region, skeleton, core, gateways, readings, started)
 
 
