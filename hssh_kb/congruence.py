@@ -1,22 +1,20 @@
 """What must be one place, given that some visits are: closure under the axioms of travel.
 
-Without planarity the axioms are closed under this: a set of assumptions about visits has a map
-exactly if the least map that follows from it violates nothing. So "why not?" needs no search, and
-a trace of hundreds of visits is answered at once. The logic programs stay the judge: what is found
-here is handed to them in the few visits that matter.
+It says which visits the logic programs are asked about when a conflict is put into words: whatever
+the travels can make one place, stars left aside. What is consistent is decided elsewhere
+(:mod:`hssh_kb.merging`), with reasons.
 
 Source: ours; the least closure is the "equality is congruence" of Remolina & Kuipers 2004.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice, product
 
 from hssh_kb.experience import Experience, has_partial_types
-from hssh_kb.hypothesis import Hypothesis
 
 Gate = tuple[int, int]
 _ALIGNMENT_LIMIT = 64
@@ -48,7 +46,6 @@ class Closure:
     Parameters
     ----------
     experience : what was lived through.
-    readings : which reading holds at a visit, where it is not the best one.
     lenient : let any two stars of one size match: what would follow if stars did not matter.
     """
 
@@ -57,14 +54,9 @@ class Closure:
         experience: Experience,
         *,
         lenient: bool = False,
-        readings: Mapping[int, int] | None = None,
     ) -> None:
         self.lenient = lenient
-        chosen = readings or {}
-        self.chosen = tuple(chosen.get(v, 0) for v in range(len(experience))) if chosen else ()
-        readings_held = [
-            visit.readings[chosen.get(v, 0)] for v, visit in enumerate(experience.visits)
-        ]
+        readings_held = [visit.readings[0] for visit in experience.visits]
         self.readings = readings_held
         self.partial = has_partial_types(experience)
         self.stars = [reading.star for reading in readings_held]
@@ -148,21 +140,6 @@ class Closure:
                 links[one] = other
         return True
 
-    def _check_order(self, links: dict[Gate, Gate]) -> None:
-        for start in links:
-            seen, gate = {start[0]}, start
-            while gate in links:
-                place, k = links[gate]
-                if place in seen:
-                    raise _ConflictError
-                seen.add(place)
-                gate = (place, self.stars[place].opposite(k))
-
-    def _check_different(self, classes: _Classes, different: Sequence[Assumption]) -> None:
-        for a in different:
-            if classes.place(a.one) == classes.place(a.other):
-                raise _ConflictError
-
 
 class _Classes:
     """Visits in places, and the rotation that carries each star onto the first of its place."""
@@ -244,17 +221,3 @@ class _Classes:
             for w, back in group
             if w < v
         }
-
-    def to_hypothesis(self, doubted: Sequence[int]) -> Hypothesis:
-        """Return the map."""
-        visits, offsets = [], []
-        for v in range(len(self.root)):
-            place = self.place(v)
-            (frame, turn), (home, back) = self.frame(v), self.frame(place)
-            size = max(len(self.closure.stars[v]), 1)
-            visits.append(place)
-            # A first visit whose star is not trusted has no part in the numbering of the dlps.
-            offsets.append((turn - back) % size if frame == home else turn % size)
-        return Hypothesis(
-            tuple(visits), tuple(offsets), self.closure.chosen, doubted=tuple(doubted)
-        )

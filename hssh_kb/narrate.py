@@ -152,7 +152,9 @@ class Narrator:
             for v in visits
             for w in visits
             if w < v
-            for r in self.experience.visits[v].star.isomorphisms(self.experience.visits[w].star)
+            for one in self.experience.visits[v].readings
+            for other in self.experience.visits[w].readings
+            for r in one.star.isomorphisms(other.star)
         }
         related |= {(v, w, 0) for v in visits for w in visits if w < v and v not in stars}
         return " ".join(f"candidate({v},{w},{r})." for v, w, r in sorted(related))

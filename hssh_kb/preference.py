@@ -25,8 +25,8 @@ from hssh_kb.theory import policy_levels, policy_program
 from hssh_kb.variant import Variant
 
 _LETTERS = "ABCDEFGH"
-_LONG, _SAMPLE_SHARE, _LEAST_S = 36, 0.2, 0.2
-"""Beyond so many visits a share of the time is kept for maps to fall back on."""
+_LONG, _SAMPLE_SHARE, _LEAST_S = 20, 0.2, 0.2
+"""Beyond so many visits a share of the time is kept for maps to fall back on, at least 0.2 s."""
 
 
 def best_by_cardinality(
@@ -82,7 +82,7 @@ def _search_long(
     share = _SAMPLE_SHARE * budget_s if budget_s and count > _LONG and not supposed else 0.0
     rest = None if budget_s is None else budget_s - share
     found = search_lean(experience, count, policy, planarity, limit, rest, supposed)
-    if found.complete or not share or end is None:
+    if found.complete or supposed or end is None:
         return found
     sample = _sample_maps(experience, count, policy, end)
     if found.found and (not sample.found or found.cost <= sample.cost):
