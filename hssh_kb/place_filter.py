@@ -33,6 +33,7 @@ MOST_PLACES = 96
 _AROUND = 56  # places of a new window, the nearest ones
 _MOST_WANTED = 128  # places that the visit may be at, held beside those
 _REACH_SIGMAS = 7.0  # places further off than that can be no closure
+_FURTHER = 1.3
 _FAR_M = 1e4
 
 
@@ -54,6 +55,8 @@ class Town:
     deviations : (n, 2) of position [m] and heading [rad] of the places, against the visit then.
     outside : (n,) the place is not in the window.
     most : how many places the window may hold.
+    limit : a place outside nearer than this share of where the visit may be calls for another
+        window; less than 1 where more places were called for than a window can hold.
     """
 
     graph: WalkGraph
@@ -61,6 +64,7 @@ class Town:
     deviations: Array
     outside: NDArray[np.bool_]
     most: int
+    limit: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +94,7 @@ class PlaceFilter:
     def start(cls) -> PlaceFilter:
         """Return the filter at the first visit: the visit and place 0, both at the origin."""
         none = np.zeros((1, 2))
-        town = Town(WalkGraph.start(), none, none, np.zeros(1, bool), MOST_PLACES)
+        town = Town(WalkGraph.start(), none, none, np.zeros(1, bool), MOST_PLACES, 1.0)
         places = np.zeros(1, np.intp)
         return cls(np.zeros((2, 3)), np.zeros((6, 6)), places, 1, {0: 0}, town, None)
 
@@ -122,8 +126,12 @@ class PlaceFilter:
         off = np.hypot(*(town.spots - ahead.pose[:2]).T)
         own = math.sqrt(ahead.cov[0, 0] + ahead.cov[1, 1])
         reach = 0.25 * length_m + _REACH_SIGMAS * (own + town.deviations[:, 0])
-        near = np.flatnonzero(town.outside & (off < reach))
-        return near[np.argsort(off[near] / reach[near], kind="stable")]
+        ratio = np.where(town.outside, off / reach, math.inf)
+        if not (ratio < town.limit).any():
+            return np.zeros(0, np.intp)
+        # Those a little further off too, or the next visit would call for them.
+        near = np.flatnonzero(ratio < _FURTHER)
+        return near[np.argsort(ratio[near], kind="stable")]
 
     def move_window(
         self, pose: tuple[float, float, float], wanted: Index, length_m: float
@@ -155,7 +163,9 @@ class PlaceFilter:
         window = replace(graph, poses=poses).lay_out(places, length_m)
         graph = window.graph
         most = max(MOST_PLACES, len(places) + MOST_PLACES - _AROUND)
-        town = Town(graph, graph.poses[graph.first, :2], window.deviations, ~chosen, most)
+        limit = 1.0 if len(wanted) <= _MOST_WANTED else 0.5
+        spots = graph.poses[graph.first, :2]
+        town = Town(graph, spots, window.deviations, ~chosen, most, limit)
         return PlaceFilter(
             graph.poses[np.r_[graph.last, graph.first[places]]],
             window.cov,

@@ -53,7 +53,7 @@ def test_what_passes_over_the_streets_is_left_out():
     assert check_world(bridged) == ()
 
 
-def test_a_street_that_would_meet_itself_ends_at_its_sharpest_bend():
+def test_a_street_that_would_meet_itself_is_cut():
     turns = 12
     spots = {
         f"ring{k}": (math.cos(2 * math.pi * k / turns), math.sin(2 * math.pi * k / turns))
@@ -66,7 +66,8 @@ def test_a_street_that_would_meet_itself_ends_at_its_sharpest_bend():
     assert len(world.positions) == 2 * turns
     assert check_world(world) == ()
     ring = [dlps for dlps in world.dlps if sum(a for *_, a in dlps) == 3]
-    assert [len(dlps) for dlps in ring].count(6) == 1  # the one place where it ends
+    # Two paths of it: a single one would begin and end at one place.
+    assert [len(dlps) for dlps in ring].count(6) == 2
 
 
 @pytest.mark.parametrize("name", ["GDC3", "AHG1", "UT_Campus"])
