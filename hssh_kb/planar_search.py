@@ -29,16 +29,21 @@ _LOOKED_AT = 12
 """So many ways are carried out before the most promising of them is followed."""
 
 
+class TooHardError(Exception):
+    """A search took more nodes than it was given."""
+
+
 class PlanarSearch:
     """Seeks a planar map that comes of a merging by making further visits one place.
 
     Parameters
     ----------
     end : instant (``time.monotonic``) at which to give up; None for never.
+    most_nodes : how many mergings may be looked at; None for all.
     """
 
-    def __init__(self, end: float | None) -> None:
-        self.end, self.nodes = end, 0
+    def __init__(self, end: float | None, most_nodes: int | None = None) -> None:
+        self.end, self.most_nodes, self.nodes = end, most_nodes, 0
         self._rng = random.Random(0)
 
     def run(self, merging: Merging, level: int = 0) -> Merging | int:
@@ -52,8 +57,11 @@ class PlanarSearch:
         Raises
         ------
         OutOfTimeError : the budget ran out.
+        TooHardError : so did the nodes.
         """
         self.nodes += 1
+        if self.most_nodes is not None and self.nodes > self.most_nodes:
+            raise TooHardError
         if self.end is not None and time.monotonic() >= self.end:
             raise OutOfTimeError
         odd = find_odd_pairs(find_cycles(merging))

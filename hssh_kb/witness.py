@@ -16,7 +16,10 @@ from hssh_kb.congruence import Assumption
 from hssh_kb.experience import Experience
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.merging import ClashError, Merging, Walk
-from hssh_kb.planar_search import PlanarSearch
+from hssh_kb.planar_search import PlanarSearch, TooHardError
+
+_ROUNDS = (40, 400, None)
+"""Nodes for each way to line up the stars: many ways are tried a little before one is in full."""
 
 
 class _Pair(NamedTuple):
@@ -53,6 +56,7 @@ class WitnessSearch:
         chosen = readings or {}
         self.chosen = tuple(chosen.get(v, 0) for v in range(len(experience))) if chosen else ()
         self.planarity, self.end = planarity, end
+        self._most_nodes: int | None = None
 
     def run(
         self, stars: Set[int], travels: Iterable[int], supposed: Iterable[int]
@@ -78,36 +82,50 @@ class WitnessSearch:
             merging.take(believed)
         except ClashError as clash:
             return clash.reason
-        found = self._align(merging, groups.find_pairs(stars), 0, 0)
-        if isinstance(found, int):
-            return found
+        found: Merging | int | None = None
+        for self._most_nodes in _ROUNDS:
+            found = self._align(merging.copy(), groups.find_pairs(stars), 0, 0)
+            if found is not None:
+                break
+        if found is None or isinstance(found, int):
+            return found or 0
         doubted = tuple(v for v in range(1, walk.count) if v not in trusted)
         return self._to_hypothesis(found, groups, stars, doubted)
 
     def _align(
         self, merging: Merging, pairs: Sequence[_Pair], done: int, level: int
-    ) -> Merging | int:
-        """Line up the stars of the pairs in every way; then reach planarity."""
+    ) -> Merging | int | None:
+        """Line up the stars of the pairs in every way; then reach planarity.
+
+        None if that was too hard for the nodes of this round.
+        """
         if done == len(pairs):
             if not self.planarity:
                 return merging
-            return PlanarSearch(self.end).run(merging, level)
+            try:
+                return PlanarSearch(self.end, self._most_nodes).run(merging, level)
+            except TooHardError:
+                return None
         one, other, why = pairs[done]
         ways = self.walk.turns(one, other) or (0,)
         reason = why | 1 << one | 1 << other
         bit = 1 << (self.walk.first_decision + level) if len(ways) > 1 else 0
+        too_hard = False
         for turn in ways:
             further = merging.copy() if bit else merging
-            result: Merging | int
+            result: Merging | int | None
             try:
                 further.align(one, other, turn, reason | bit)
                 result = self._align(further, pairs, done + 1, level + bool(bit))
             except ClashError as clash:
                 result = clash.reason
-            if not isinstance(result, int) or not result & bit:
+            if result is None:
+                too_hard = True
+            elif not isinstance(result, int) or not result & bit:
                 return result
-            reason |= result & ~bit
-        return reason
+            else:
+                reason |= result & ~bit
+        return None if too_hard else reason
 
     def _to_hypothesis(
         self, merging: Merging, groups: _Groups, stars: Set[int], doubted: tuple[int, ...]
