@@ -33,7 +33,13 @@ from perception.grid import Frame, Image
 from perception.lpm import LocalMap
 from perception.revisit import look_again, map_passage
 from perception.scanlog import ScanLog
-from perception.sightings import PlaceSettings, Sighting, read_sightings, read_topology
+from perception.sightings import (
+    LOOKED_AROUND_RAD,
+    PlaceSettings,
+    Sighting,
+    read_sightings,
+    read_topology,
+)
 from perception.voting import PlaceReading, vote_star
 
 __all__ = ["PlaceReading", "PlaceSettings", "PlaceVisit", "detect_places"]
@@ -46,9 +52,6 @@ NESTED_M, NESTED_SHARE = 3.0, 0.7
 
 ADJACENT_M = 0.3
 """Gateways of neighbouring places may overlap by so much."""
-
-LOOKED_AROUND_RAD = 5.5
-"""A robot that has seen so much of its surroundings has looked around."""
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,12 @@ from perception.topology import LocalTopology, local_topology
 LEAST_SHARE = 0.25
 """Readings that say "place" with less probability than this are readings of a path."""
 
+START_M = 1.0
+"""A robot that has gone so far has left the place where it knew nothing behind itself."""
+
+LOOKED_AROUND_RAD = 5.5
+"""A robot that has seen so much of its surroundings has looked around."""
+
 _MOST_SHUT = 4
 """Behind a door that is shut another may turn up, but not without end."""
 
@@ -106,8 +112,9 @@ def read_sightings(
 
     Yields
     ------
-    (sighting, scan, LPM) : once a step; the sighting is None where no gateway search was possible
-        or the robot is on-path. The LPM is the live one: copy what you keep.
+    (sighting, scan, LPM) : once a step; the sighting is None where no gateway search was possible,
+        the robot is on-path, or does not know yet what lies behind it. The LPM is the live one:
+        copy what you keep.
     """
     local = LocalMap(settings.lpm_m, settings.cell_m, settings.range_cap_m)
     last = None
@@ -118,7 +125,29 @@ def read_sightings(
         if last is not None and _moved_little(poses[last], poses[i], settings):
             continue
         last = i
-        yield read_topology(i, poses, local, settings), i, local
+        sighting = None
+        if knows_behind(poses[: i + 1], float(np.ptp(log.angles_rad))):
+            sighting = read_topology(i, poses, local, settings)
+        yield sighting, i, local
+
+
+def knows_behind(poses: Array, field_rad: float) -> bool:
+    """Tell whether a robot that began its drive has seen what lies behind it.
+
+    Before it has gone on a little, or looked around, the end of what it knows lies at its back and
+    looks like a gateway.
+
+    Parameters
+    ----------
+    poses : (n, 3) of the laser so far. field_rad : the angle that the laser sees.
+
+    Source
+    ------
+    Ours.
+    """
+    if float(np.hypot(*(poses[:, :2] - poses[0, :2]).T).max()) >= START_M:
+        return True
+    return float(np.ptp(np.unwrap(poses[:, 2]))) + field_rad > LOOKED_AROUND_RAD
 
 
 def _moved_little(a: Array, b: Array, settings: PlaceSettings) -> bool:
