@@ -25,11 +25,13 @@ POINTS = (120, 400)
 LEAST_SHARE = 0.25
 """Nothing is said unless so many of the walls lie where the other map knows the space."""
 
-EVEN_SHARE, NATS_PER_SHARE = 0.72, 15.0
-"""At this share one place is as likely as two; how fast that changes (recorded logs)."""
+EVEN_SHARE = 0.72
+"""At this share one place is as likely as two (recorded logs)."""
+NATS_FOR, NATS_AGAINST = 20.0, 15.0
+"""How fast that changes above and below, nats a share."""
 ALIAS_M = (1.6, 2.4, 3.2)
 """A place that fits itself when moved so far fits its neighbours, too."""
-LEAST_NATS, MOST_NATS = -2.5, 3.0
+LEAST_NATS, MOST_NATS = -2.5, 4.0
 """Bounds of what one match says: one place may look changed, two may look alike."""
 
 NEAR_VISIT_M, DRIFT = 4.0, 0.02
@@ -159,11 +161,11 @@ def weigh_match(share: float, alias: float = 0.0) -> float:
     Examples
     --------
     >>> weigh_match(0.95), weigh_match(0.72), weigh_match(0.4), weigh_match(0.9, alias=0.95)
-    (3.0, 0.0, -2.5, 0.0)
+    (4.0, 0.0, -2.5, 0.0)
     """
     over = share - max(EVEN_SHARE, alias)
-    off = over if over > 0 else min(share - EVEN_SHARE, 0.0)
-    return float(np.clip(NATS_PER_SHARE * off, LEAST_NATS, MOST_NATS))
+    nats = NATS_FOR * over if over > 0 else NATS_AGAINST * min(share - EVEN_SHARE, 0.0)
+    return float(np.clip(nats, LEAST_NATS, MOST_NATS))
 
 
 def match_visits(
@@ -196,7 +198,34 @@ def match_visits(
                 alias = min(tiles[u].alias, tiles[v].alias)
                 found.append((u, weigh_match(share, alias)))
         out.append(tuple(found))
-    return tuple(out)
+    return join_matches(out)
+
+
+def join_matches(
+    matches: Sequence[tuple[tuple[int, float], ...]],
+) -> tuple[tuple[tuple[int, float], ...], ...]:
+    """Let two visits that both fit a third one fit each other as well as the worse of the two.
+
+    The first visit to a place may have seen another half of it than the latest one.
+
+    Examples
+    --------
+    >>> join_matches([(), ((0, 2.0),), ((0, -1.0), (1, 3.0))])[2]
+    ((0, 2.0), (1, 3.0))
+    """
+    count = len(matches)
+    if not count:
+        return ()
+    said = np.full((count, count), -np.inf)
+    for v, pairs in enumerate(matches):
+        for u, nats in pairs:
+            said[u, v] = said[v, u] = nats
+    by_third = np.array([np.minimum(row[:, None], said).max(axis=0) for row in said])
+    joined = np.where(by_third > 0, np.maximum(said, by_third), said)
+    return tuple(
+        tuple((u, float(joined[u, v])) for u in range(v) if np.isfinite(joined[u, v]))
+        for v in range(count)
+    )
 
 
 def _make_tile(visit: PlaceVisit) -> Tile:
