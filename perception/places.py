@@ -145,8 +145,8 @@ def detect_places(
                 open_.remove(candidate)
                 done.append(candidate)
     done += open_
-    confirmed = [c for c in done if c.is_confirmed(settings)]
-    passages = _merge_returns([_passage(c, poses) for c in confirmed], poses, settings)
+    confirmed = (_passage(c, poses, settings) for c in done if c.is_confirmed(settings))
+    passages = _merge_returns([p for p in confirmed if p is not None], poses, settings)
     passages = _separate(passages, poses)
     visits = (_commit(p, log, poses, settings) for p in passages)
     return tuple(visit for visit in visits if visit is not None)
@@ -174,13 +174,22 @@ class _Passage:
     nearest: int
 
 
-def _passage(candidate: _Candidate, poses: Array) -> _Passage:
-    """Find the span of scans during which the robot was in the place."""
+def _passage(candidate: _Candidate, poses: Array, settings: PlaceSettings) -> _Passage | None:
+    """Find the span of scans during which the robot was in the place; None if it never was.
+
+    A place that is seen from afar only, such as the end of a corridor, is not visited.
+    """
     centre, radius = candidate.centre_m, candidate.radius_m
     distance = np.hypot(*(poses[:, :2] - centre).T)
     scans = [s.scan for s in candidate.sightings]
-    nearest = scans[0] + int(np.argmin(distance[scans[0] : scans[-1] + 1]))
-    reach = max(radius, 1.0) + 0.5
+    reach, end = max(radius, 1.0) + 0.5, scans[-1]
+    nearest = scans[0] + int(np.argmin(distance[scans[0] : end + 1]))
+    if distance[nearest] > reach:  # perhaps the robot comes there later
+        while end < len(poses) - 1 and distance[end + 1] < radius + 2.0 + settings.same_place_m:
+            end += 1
+        nearest = scans[0] + int(np.argmin(distance[scans[0] : end + 1]))
+    if distance[nearest] > reach + 0.5:
+        return None
     first = last = nearest
     while first > 0 and distance[first - 1] < reach:
         first -= 1

@@ -1,0 +1,66 @@
+"""The map of a passage: a crossing looks the same from whichever side it was entered."""
+
+import numpy as np
+import pytest
+from segment_world import HALF_TURN, cast, follow
+
+from perception.places import PlaceSettings, _Candidate, _passage
+from perception.revisit import REACH_M, look_again, map_passage
+from perception.scanlog import ScanLog
+from perception.sightings import Sighting
+
+
+def wall(*corners):
+    corners = np.array(corners, float)
+    return np.stack([corners[:-1], corners[1:]], axis=1)
+
+
+TEE = np.concatenate(
+    [
+        wall((-15, 1), (15, 1)),
+        wall((-15, -1), (-1, -1), (-1, -12)),
+        wall((15, -1), (1, -1), (1, -12)),
+    ]
+)
+"""A corridor along x, another that joins it from the south."""
+
+
+def record(corners) -> ScanLog:
+    poses = follow(corners)
+    ranges = np.array([cast(TEE, pose, HALF_TURN) for pose in poses], np.float32)
+    ranges[~np.isfinite(ranges)] = np.nan
+    return ScanLog("tee", np.arange(len(poses), dtype=float), ranges, HALF_TURN, corrected=poses)
+
+
+@pytest.mark.parametrize("way", [[(-9, 0), (9, 0)], [(9, 0), (-9, 0)], [(-9, 0), (0, 0), (0, -9)]])
+def test_the_star_is_the_same_from_whichever_side_a_crossing_is_entered(way):
+    log = record(way)
+    poses, centre = log.corrected, np.zeros(2)
+    away = np.hypot(*poses[:, :2].T)
+    nearest = int(np.argmin(away))
+    inside = np.flatnonzero(away < 1.5)
+    local = map_passage(log, poses, centre, nearest, PlaceSettings())
+    span = int(inside[0]), nearest, int(inside[-1])
+    seen = look_again(local, poses, centre, span, PlaceSettings())
+    assert len(seen) >= 5
+    for sighting in seen:
+        assert str(sighting.topology.star) == "a+1 b+1 a-1 b-0"
+        assert np.hypot(*sighting.centre_m) < 0.5
+
+
+def test_scans_from_farther_away_do_not_count():
+    log = record([(-9, 0), (9, 0)])
+    far = np.flatnonzero(np.hypot(*log.corrected[:, :2].T) > REACH_M)
+    log.ranges_m[far] = 0.2  # as if somebody stood before the robot
+    local = map_passage(log, log.corrected, np.zeros(2), len(log) // 2, PlaceSettings())
+    column, row = np.rint(local.frame.to_pixels(np.array([6.8, 0.0]))).astype(int)
+    assert local.log_odds[row, column] < 0
+
+
+def test_a_place_seen_from_afar_only_is_not_visited():
+    log = record([(-9, 0), (-3.5, 0)])
+    poses = log.corrected
+    for centre, visited in (((5.0, 0.0), False), ((-4.0, 0.2), True)):
+        sighting = Sighting(len(log) - 2, poses[-2], np.array(centre), 0.9, None, 1.0, None, None)
+        passage = _passage(_Candidate([sighting]), poses, PlaceSettings())
+        assert (passage is not None) is visited
