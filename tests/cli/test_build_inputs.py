@@ -47,8 +47,6 @@ def test_what_is_left_out_is_told_with_a_start_that_works(hssh, tmp_path):
 
 IDLE = {
     "poses of a floor map": ["MAP", "--poses", "odometry"],
-    "doors of a floor map": ["MAP", "--doors", "keep"],
-    "gateways of a floor map": ["MAP", "--min-gateway", "1.2"],
     "maps of a floor map": ["MAP", "--best", "3"],
     "budget of a floor map": ["MAP", "--budget", "3"],
     "scan of a floor map": ["MAP", "--scan", "/scan"],
