@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from hssh_kb.consistency import MapState
@@ -22,7 +22,7 @@ from hssh_kb.place_filter import PlaceFilter
 from hssh_kb.score import TERMS, Addends, Score
 from hssh_kb.weigh_visits import VisitWeigher
 
-_CACHE_BYTES = 192 * 2**20
+_CACHE_BYTES = 320 * 2**20
 
 
 class MapTree(VisitWeigher):
@@ -210,6 +210,16 @@ class MapTree(VisitWeigher):
             dict(zip(TERMS, sums, strict=True)),
             tuple(doubted),
         )
+
+    def pick_maps(self, nodes: Iterable[Node], count: int) -> tuple[Hypothesis, ...]:
+        """Return the first maps of some nodes that differ in places or turns."""
+        found: dict[object, Hypothesis] = {}
+        for node in nodes:
+            one = self.hypothesis(node)
+            found.setdefault((one.visits, one.offsets), one)
+            if len(found) == count:
+                break
+        return tuple(found.values())
 
 
 def score_hypothesis(experience: Experience, hypothesis: Hypothesis, score: Score) -> Hypothesis:

@@ -29,8 +29,8 @@ from hssh_kb.experience import Displacement
 from hssh_kb.walk_graph import Index, Step, WalkGraph
 
 Array = NDArray[np.float64]
-MOST_PLACES = 96
-_AROUND = 56  # places of a new window, the nearest ones
+MOST_PLACES = 256
+_AROUND = 96  # places of a new window, the nearest ones
 _MOST_WANTED = 128  # places that the visit may be at, held beside those
 _REACH_SIGMAS = 7.0  # places further off than that can be no closure
 _FURTHER = 1.3

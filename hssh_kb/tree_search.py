@@ -30,7 +30,13 @@ from hssh_kb.revise import revise_map
 from hssh_kb.score import Score, estimate_score
 from hssh_kb.search_budget import Budget
 
-_WIDTH = 128  # maps of one depth grown at most while the best of them lives
+_STAGES = ((8, 0.5), (32, 0.75), (128, 1.0))
+"""Fronts are narrow first, so that the end is reached soon, then wider: how many maps of one depth
+are grown at most while the best of them lives, and the share of the slack within which."""
+
+_BLURRED = 0.075  # noise of travels beyond which narrow fronts lose the right map at once
+_AGAIN = 2.0  # share of the work for the first complete map that widening may cost at most ...
+_AGAIN_LEAST = 100_000  # ... or this, where it was found soon
 _SLACK_NATS = 10.0  # maps that far below the best of their depth wait ...
 _SLACK_PER_NOISE = 100.0  # ... and more by the noise of travels: then mistakes take longer to show
 _REVISED_WORK = 60_000  # units of work for one revision at most, where travels slip
@@ -86,7 +92,7 @@ class TreeOfMaps:
         self._fronts = Fronts()
         self._reached: list[bool] = []
         self._seen: set[object] = set()
-        self._swept = 0
+        self._swept = [0] * len(_STAGES)
         self._variance = 0.0
         self._serial = 0
         self._repairs: list[list[tuple[float, int, Repair]]] = []
@@ -237,32 +243,58 @@ class TreeOfMaps:
             return
         budget = Budget(lambda: self.tree.work, budget_work, budget_s)
         slips = self.score.slip > 0
-        self._sweep(lambda: budget.is_spent(_SWEPT if slips else 1.0))
+        self._sweep_ever_wider(lambda: budget.is_spent(_SWEPT if slips else 1.0))
         if not self._has_complete():
             self._finish()
         if slips:
             self._revise(last, budget, 4)
-        self.spent = budget.is_spent() or (self._swept < last and self._fronts.count_leaves() > 0)
+        self.spent = budget.is_spent() or (
+            max(self._swept) < last and self._fronts.count_leaves() > 0
+        )
 
-    def _sweep(self, is_over: Callable[[], bool]) -> None:
+    def _sweep_ever_wider(self, is_over: Callable[[], bool]) -> None:
+        """Let the fronts grow, ever wider until that finds no better map.
+
+        Where travels slip or say little, narrow fronts find wrong maps: only the widest is tried.
+        """
+        blurred = self.score.slip > 0 or self._measure_noise() > _BLURRED
+        first = len(_STAGES) - 1 if blurred else 0
+        lead, start, is_enough = None, self.tree.work, is_over
+        for stage in range(first, len(_STAGES)):
+            self._sweep(stage, is_enough)
+            found = self.lead
+            if found is not None and (found is lead or is_enough()):
+                return
+            if found is not None and lead is None:
+                end = self.tree.work + max(_AGAIN * (self.tree.work - start), _AGAIN_LEAST)
+                is_enough = self._end_by(end, is_over)
+            lead = found
+
+    def _end_by(self, work: float, is_over: Callable[[], bool]) -> Callable[[], bool]:
+        return lambda: self.tree.work >= work or is_over()
+
+    def _sweep(self, stage: int, is_over: Callable[[], bool]) -> None:
         """Let the front of each depth grow, from the first that may have changed to the last."""
         fronts, last = self._fronts, len(self._visits) - 1
-        depth = self._swept
+        depth = self._swept[stage]
         while depth < last and not is_over():
-            self._widen(depth, is_over)
+            self._widen(depth, stage, is_over)
             self._repair(depth + 1, is_over)
             if fronts.living[depth + 1]:
                 depth += 1
+            elif stage < len(_STAGES) - 1:
+                break  # wider fronts are less likely to die out
             elif any(fronts.living[:last]) or fronts.bring_back():
                 depth = 0  # nothing lives that deep: the fronts before it fill again
             else:
                 break
-        self._swept = min(depth, last)
+        self._swept[stage] = min(depth, last)
 
-    def _widen(self, depth: int, is_over: Callable[[], bool]) -> None:
+    def _widen(self, depth: int, stage: int, is_over: Callable[[], bool]) -> None:
         """Grow the best waiting maps of a depth until its front is as wide as it should be."""
-        fronts, slack = self._fronts, self._find_slack()
-        while fronts.count_grown(depth) < _WIDTH and not is_over():
+        width, share = _STAGES[stage]
+        fronts, slack = self._fronts, share * self._find_slack()
+        while fronts.count_grown(depth) < width and not is_over():
             top = fronts.top(depth)
             near = top >= fronts.peak(depth) - slack
             if top == -math.inf or not (near or fronts.count_grown(depth) == 0):
@@ -273,9 +305,12 @@ class TreeOfMaps:
 
     def _find_slack(self) -> float:
         """Return how far [nats] below the best of its depth a map is grown at once."""
+        return _SLACK_NATS + _SLACK_PER_NOISE * min(self._measure_noise(), 0.3)
+
+    def _measure_noise(self) -> float:
+        """Return the standard deviation of the displacements as a share of a typical travel."""
         known = max(len(self._visits) - 1, 1)
-        noise = math.sqrt(self._variance / known) / self.score.length_m
-        return _SLACK_NATS + _SLACK_PER_NOISE * min(noise, 0.3)
+        return math.sqrt(self._variance / known) / self.score.length_m
 
     def _has_complete(self) -> bool:
         return self._fronts.living[-1] > 0
@@ -319,29 +354,12 @@ class TreeOfMaps:
 
     def best(self, k: int = 1) -> tuple[Hypothesis, ...]:
         """Return the k best maps of all visits so far, those differing in places or turns."""
-        return self._best_at(len(self._visits) - 1, k)
+        return self.tree.pick_maps(self._fronts.list_best(len(self._visits) - 1, 50 * k), k)
 
     @property
     def lead(self) -> Node | None:
         """The best map of all visits so far as a node of the tree; None if there is none."""
         return next(iter(self._fronts.list_best(len(self._visits) - 1, 1)), None)
-
-    def _best_at(self, depth: int, k: int) -> tuple[Hypothesis, ...]:
-        return self._pick_maps(self._fronts.list_best(depth, 50 * k), k)
-
-    def _pick_maps(self, nodes: list[Node], k: int) -> tuple[Hypothesis, ...]:
-        """Return the first k maps that differ in places or turns."""
-        out: list[Hypothesis] = []
-        known: set[object] = set()
-        for node in nodes:
-            found = self.tree.hypothesis(node)
-            key = found.visits, found.offsets
-            if key not in known:
-                known.add(key)
-                out.append(found)
-            if len(out) == k:
-                break
-        return tuple(out)
 
     def reached(self, depth: int) -> bool:
         """Return whether some map has explained the visits up to one."""
@@ -356,7 +374,7 @@ class TreeOfMaps:
                 found.append(node)
             elif node is not None and node.children:
                 todo.extend(child for child in node.children.values() if child.queued)
-        return self._pick_maps(sorted(found, key=lambda node: (-node.score, node.serial)), k)
+        return self.tree.pick_maps(sorted(found, key=lambda node: (-node.score, node.serial)), k)
 
     @property
     def leaves(self) -> int:
