@@ -31,9 +31,7 @@ from hssh_kb.score import Score, estimate_score
 from hssh_kb.search_budget import Budget
 
 _STAGES = ((8, 0.5), (32, 0.75), (128, 1.0))
-"""Fronts are narrow first, so that the end is reached soon, then wider: how many maps of one depth
-are grown at most while the best of them lives, and the share of the slack within which."""
-
+"""Fronts narrow first, then wider: maps grown of one depth at most, and share of the slack."""
 _BLURRED = 0.075  # noise of travels beyond which narrow fronts lose the right map at once
 _AGAIN = 2.0  # share of the work for the first complete map that widening may cost at most ...
 _AGAIN_LEAST = 100_000  # ... or this, where it was found soon
