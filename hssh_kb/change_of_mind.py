@@ -5,9 +5,8 @@ Source: Beeson 2008, section 8.2 (a refuted map gives way to the next); the word
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
-
-import numpy as np
 
 from hssh_kb.consistency import Refusal
 from hssh_kb.errors import InputError
@@ -167,11 +166,11 @@ def _find_refusal(tree: MapTree, node: Node) -> tuple[int, Refusal | None, float
 
     The rest is the log posterior of the map with its best way to take the visit.
     """
-    v, state = node.visit + 1, tree.state_of(node)
+    state = tree.state_of(node)
     options = [*tree.options(node), *tree.options(node, far=True)]
     left = [sum(option.addends) for option in options if option.refusal is None]
-    best = max(left, default=-np.inf)
-    depart = tree.leave(state, v)
+    best = max(left, default=-math.inf)
+    depart = tree.leave(state, node.visit + 1)
     known = None if depart is None else state.judge.follow(state.place, depart)
     if known is not None and depart is not None:
         place = known[0]
@@ -179,12 +178,9 @@ def _find_refusal(tree: MapTree, node: Node) -> tuple[int, Refusal | None, float
         fits = [one for one in options if one.decision.place == place and one.refusal is None]
         refusal = None if fits else Refusal("travel_function", (travel,))
         return state.firsts[place], refusal, node.score + best
-    prediction = tree.predict(state, v)
-    worth = tree.score.expect_closures(prediction)
-    slot = int(np.argmax(worth)) if len(worth) else -1
-    if slot < 0 or worth[slot] < best + _CALLED_FOR_NATS:
+    place, worth = tree.find_place_under(node)
+    if place < 0 or worth < best + _CALLED_FOR_NATS:
         return -1, None, node.score + best
-    place = int(prediction.filter.places[slot])
     there = [one for one in options if one.decision.place == place]
     if any(one.refusal is None for one in there):
         return state.firsts[place], None, node.score + best

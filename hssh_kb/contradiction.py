@@ -14,8 +14,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from hssh_kb.check import check
 from hssh_kb.experience import Experience
 from hssh_kb.map_tree import MapTree
@@ -132,21 +130,10 @@ def _list_surprises(tree: MapTree, lead: Node) -> Iterator[tuple[Node, int, floa
     for node in lead.chain()[2:]:
         if not node.is_new or node.addends.exclusion > _NARROW_NATS or node.parent is None:
             continue
-        first, surprise = _find_place_under(tree, node, node.parent)
+        place, worth = tree.find_place_under(node.parent)
+        surprise = worth - sum(node.addends)
         if surprise >= SURPRISE_NATS:
-            yield node, first, surprise
-
-
-def _find_place_under(tree: MapTree, node: Node, parent: Node) -> tuple[int, float]:
-    """Return the first visit of the place that a visit most likely lies on, and the surprise."""
-    state = tree.state_of(parent)
-    prediction = tree.predict(state, node.visit)
-    held = prediction.filter.places
-    if prediction.unknown or not len(held):
-        return -1, -np.inf
-    worth = tree.score.expect_closures(prediction)
-    slot = int(np.argmax(worth))
-    return state.firsts[int(held[slot])], float(worth[slot]) - sum(node.addends)
+            yield node, tree.state_of(node.parent).firsts[place], surprise
 
 
 def _list_visits(node: Node, first: int) -> list[int]:

@@ -16,7 +16,7 @@ from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.layout import lay_out_hypothesis
 from hssh_kb.ranking import RankedMaps, rank_maps
 from hssh_kb.records import PlaceLayout
-from hssh_kb.score import Score
+from hssh_kb.score import Score, estimate_score
 from hssh_kb.search import sum_posteriors
 from hssh_kb.trace import experience_from_data, experience_to_data
 from hssh_kb.tree_search import TreeOfMaps
@@ -197,8 +197,6 @@ def list_changes_of_mind(
     >>> list_changes_of_mind(walk)
     []
     """
-    from hssh_kb.score import estimate_score
-
     score = score or estimate_score(experience)
     live = LiveMap(replace(experience, visits=()), score=score)
     changes = list[ChangeOfMind]()

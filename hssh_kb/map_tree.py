@@ -13,6 +13,8 @@ from collections import OrderedDict
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
+import numpy as np
+
 from hssh_kb.consistency import MapState
 from hssh_kb.errors import InputError
 from hssh_kb.experience import Experience, Visit
@@ -160,6 +162,22 @@ class MapTree(VisitWeigher):
         for place in range(len(state.firsts)) if far else sorted(near):
             if (place in near) != far:
                 yield from self.weigh_closures(state, prediction, v, depart, place, lean)
+
+    def find_place_under(self, node: Node) -> tuple[int, float]:
+        """Return the place that the next visit most likely lies on, going by displacement alone.
+
+        Returns
+        -------
+        place, worth : number of the place, -1 if the displacement calls for none; what a closure
+            there adds to the log posterior, outliers aside.
+        """
+        prediction = self.predict(self.state_of(node), node.visit + 1)
+        held = prediction.filter.places
+        if prediction.unknown or not len(held):
+            return -1, -math.inf
+        worth = self.score.expect_closures(prediction)
+        slot = int(np.argmax(worth))
+        return int(held[slot]), float(worth[slot])
 
     def find_fixed(self, node: Node) -> int:
         """Return the only place that travel allows for the visit after a map, -1 if any may be."""

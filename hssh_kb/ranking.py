@@ -190,7 +190,7 @@ def _rank_by_posterior(experience: Experience, best: int, budget_s: float | None
         "posterior",
         proven=found.proven,
         # A visit not explained in time is no visit that cannot be explained.
-        inconsistent_from=None if spent else found.inconsistent_from,
+        inconsistent_from=None if spent and not found.contradiction else found.inconsistent_from,
         budget_spent=spent,
         log_evidence=found.log_evidence,
         contradiction=found.contradiction.text if found.contradiction else found.strains,
