@@ -37,6 +37,7 @@ _AGAIN = 2.0  # share of the work for the first complete map that widening may c
 _AGAIN_LEAST = 100_000  # ... or this, where it was found soon
 _SLACK_NATS = 10.0  # maps that far below the best of their depth wait ...
 _SLACK_PER_NOISE = 100.0  # ... and more by the noise of travels: then mistakes take longer to show
+_REVISED = 4  # complete maps, of other places each, that are revised where travels slip
 _REVISED_WORK = 60_000  # units of work for one revision at most, where travels slip
 _REPAIRS = 16  # repairs of one depth carried out at a time
 _PROMISE_NATS = 8.0  # ... if they promise a map that near the best one
@@ -245,7 +246,7 @@ class TreeOfMaps:
         if not self._has_complete():
             self._finish()
         if slips:
-            self._revise(last, budget, 4)
+            self._revise(budget)
         self.spent = budget.is_spent() or (
             max(self._swept) < last and self._fronts.count_leaves() > 0
         )
@@ -323,17 +324,17 @@ class TreeOfMaps:
                 return
             self._expand(node)
 
-    def _revise(self, depth: int, budget: Budget, count: int = 1) -> None:
-        """Revise the best maps of a depth as a whole; whatever that makes waits as a leaf."""
+    def _revise(self, budget: Budget) -> None:
+        """Revise the best complete maps as a whole; whatever that makes waits as a leaf."""
         partitions: set[tuple[int, ...]] = set()
-        is_over = budget.allot(count * _REVISED_WORK)
-        for node in self._fronts.list_best(depth, 40 * count):
+        is_over = budget.allot(_REVISED * _REVISED_WORK)
+        for node in self._fronts.list_best(len(self._visits) - 1, 40 * _REVISED):
             partition = tuple(one.decision.place for one in node.chain())
             if partition not in partitions:
                 partitions.add(partition)
                 for better in revise_map(self.tree, node, is_over, self._seen):
                     self._fronts.wait(better)
-            if len(partitions) == count:
+            if len(partitions) == _REVISED:
                 break
 
     def exhaust(self) -> tuple[Hypothesis, ...]:
@@ -386,10 +387,10 @@ class TreeOfMaps:
         innovation as narrow as its displacement alone.
         """
         last = len(self._visits) - 1
-        if not self._has_complete():
+        lead = self.lead
+        if lead is None:
             return False
-        top = self._fronts.list_best(last, 1)[0].score
-        ahead = 0.0
+        top, ahead = lead.score, 0.0
         for depth in range(last - 1, -1, -1):
             move = self._visits[depth + 1].displacement
             weights = [math.log(r.weight) for r in self._visits[depth + 1].readings]
