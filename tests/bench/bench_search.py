@@ -23,6 +23,7 @@ from hssh_kb.tree_search import TreeOfMaps
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "hssh_kb"))
 from symbolic_walks import (
+    ROBOT,
     Eyes,
     Truth,
     explore,
@@ -32,20 +33,8 @@ from symbolic_walks import (
     walk_randomly,
 )
 
-ROBOT = Eyes(
-    sigma=0.01,
-    sigma_m=0.1,
-    heading_rad=0.02,
-    headings_rad=0.08,
-    spread_m=0.25,
-    robot_frames=True,
-    wrong=0.3,
-    doubtful=0.4,
-    lost=0.15,
-    missed=0.05,
-    scale=8,
-)
-ODOMETRY = replace(ROBOT, sigma=0.03, heading_rad=0.05)
+LOGGED = replace(ROBOT, lost=0.15)
+ODOMETRY = replace(LOGGED, sigma=0.03, heading_rad=0.05)
 
 
 @dataclass(frozen=True)
@@ -219,8 +208,8 @@ def _map_like_robots(pool: ProcessPoolExecutor) -> bool:
     fine = True
     print("\npairs of visits held to be one place; 'reachable': lost stars left apart")
     for name, eyes, travels in (
-        ("robot, corrected poses", ROBOT, 40),
-        ("robot, corrected poses", ROBOT, 100),
+        ("robot, corrected poses", LOGGED, 40),
+        ("robot, corrected poses", LOGGED, 100),
         ("robot, odometry", ODOMETRY, 60),
     ):
         tasks = [(name, eyes, travels, seed) for seed in range(40, 46)]

@@ -75,6 +75,21 @@ class Eyes:
     scale: float = 1.0  # metres per grid edge
 
 
+# Eyes like those of a robot that drives through a building
+ROBOT = Eyes(
+    sigma=0.01,
+    sigma_m=0.1,
+    heading_rad=0.02,
+    headings_rad=0.08,
+    spread_m=0.25,
+    robot_frames=True,
+    wrong=0.3,
+    doubtful=0.4,
+    missed=0.05,
+    scale=8,
+)
+
+
 @dataclass(frozen=True)
 class Truth:
     """What was seen, and what it was: place and true reading (-1: none) of each visit.

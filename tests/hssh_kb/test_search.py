@@ -6,7 +6,7 @@ from itertools import count
 
 import numpy as np
 import pytest
-from symbolic_walks import Eyes, explore, follow_route, make_grid, observe, walk_randomly
+from symbolic_walks import ROBOT, Eyes, explore, follow_route, make_grid, observe, walk_randomly
 
 from hssh_kb.consistency import judge_hypothesis
 from hssh_kb.errors import InputError
@@ -17,19 +17,6 @@ from hssh_kb.score import TERMS, estimate_score
 from hssh_kb.search import search_maps
 from hssh_kb.trace import make_experience
 from hssh_kb.tree_search import TreeOfMaps
-
-ROBOT = Eyes(
-    sigma=0.01,
-    sigma_m=0.1,
-    heading_rad=0.02,
-    headings_rad=0.08,
-    spread_m=0.25,
-    robot_frames=True,
-    wrong=0.3,
-    doubtful=0.4,
-    missed=0.05,
-    scale=8,
-)
 
 
 def _walk(seed, size, travels, eyes, *, stubs=False, walker=walk_randomly, holes=0.0):
