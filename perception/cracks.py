@@ -71,14 +71,8 @@ def measure_field(region: Region, midline_px: float) -> Field:
     """Measure how far the walls of a region are, and which is nearest; M is ``midline_px``."""
     left, top, width, height = cv2.boundingRect(region.inside.view(np.uint8))
     inside = region.inside[top : top + height, left : left + width]
-    column, row = region.walls[:, 0] - left, region.walls[:, 1] - top
-    source = np.ones(inside.shape, np.uint8)
-    source[row, column] = 0
-    found = cv2.distanceTransformWithLabels(source, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
-    distance, label = np.asarray(found[0], np.float32), np.asarray(found[1], np.int32)
-    own = label[row, column]
-    wall_of_label = np.zeros(int(own.max()) + 1, np.int32)
-    wall_of_label[own] = np.arange(len(own))
+    walls = region.walls - np.array([left, top])
+    distance, label, wall_of_label = find_nearest_walls(walls, inside.shape)
     first_open = int(region.arc.max()) + 2
     level = midline_px - region.radius_px - 0.5
     kind = np.uint16 if first_open + inside.size // 9 < 2**16 else np.int32
@@ -86,6 +80,32 @@ def measure_field(region: Region, midline_px: float) -> Field:
     face *= inside
     _mark_open(face, inside, distance, level, first_open)
     return Field(left, top, distance, label, wall_of_label, face, first_open, level)
+
+
+def find_nearest_walls(
+    walls: Index, shape: tuple[int, int]
+) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]:
+    """Find for each cell of a grid how far the nearest wall cell is, and which it is.
+
+    Parameters
+    ----------
+    walls : (n, 2) columns and rows of the wall cells.
+    shape : (h, w) of the grid.
+
+    Returns
+    -------
+    (h, w) distance in cells; (h, w) number of the nearest wall cell in the distance transform; and
+    the index into ``walls`` by that number.
+    """
+    column, row = walls.T
+    source = np.ones(shape, np.uint8)
+    source[row, column] = 0
+    found = cv2.distanceTransformWithLabels(source, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+    distance, label = np.asarray(found[0], np.float32), np.asarray(found[1], np.int32)
+    own = label[row, column]
+    wall_of_label = np.zeros(int(own.max()) + 1, np.int32)
+    wall_of_label[own] = np.arange(len(own))
+    return distance, label, wall_of_label
 
 
 def _mark_open(

@@ -7,18 +7,16 @@ A corner of a room bears one; such leaves are pruned by how much wall they stand
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.cracks import OPEN, Cracks, find_nearest_walls
 from perception.floor_pruning import prune_floor
 from perception.floor_space import FloorSpace, measure_wall
 from perception.geometry import Array
-from perception.grid import Mask
 from perception.region import Index
-from perception.skeleton import OPEN, Branch, Node, Skeleton, walk_chains
+from perception.skeleton import Skeleton, trace_branches
 from perception.skeleton_graph import SkeletonGraph
 
 LEAST_WALL_M = 1.0
@@ -31,17 +29,6 @@ LEAST_HALL_M = 3.0
 """The open middle of a hall is at least so long."""
 
 _FREE_OF_WALLS = np.int32(-(1 << 24))
-
-
-@dataclass(frozen=True)
-class _Cracks:
-    """Edges between two cells on the two sides of the skeleton."""
-
-    corners: Index
-    points: Array
-    radius: Array
-    walls: Index
-    second_on_left: Mask
 
 
 def build_floor_skeleton(space: FloorSpace, *, midline_m: float, robot_radius_m: float) -> Skeleton:
@@ -58,14 +45,14 @@ def build_floor_skeleton(space: FloorSpace, *, midline_m: float, robot_radius_m:
     1995; the construction between cells and the pruning rule are ours.
     """
     cracks = _find_cracks(space, midline_m / space.resolution_m, robot_radius_m)
-    graph = SkeletonGraph(_trace(cracks, space.region.inside.shape[1]))
+    graph = SkeletonGraph(trace_branches(space.region, cracks))
     graph.keep_largest()
     graph.drop_tiny_loops()
     prune_floor(graph, space, robot_radius_m=robot_radius_m)
     return graph.to_skeleton()
 
 
-def _find_cracks(space: FloorSpace, midline_px: float, robot_radius_m: float) -> _Cracks:
+def _find_cracks(space: FloorSpace, midline_px: float, robot_radius_m: float) -> Cracks:
     region, resolution = space.region, space.resolution_m
     side, nearest, distance = _find_sides(space, midline_px)
     wide = (distance >= robot_radius_m / resolution - 0.5) & region.inside
@@ -97,8 +84,10 @@ def _find_cracks(space: FloorSpace, midline_px: float, robot_radius_m: float) ->
     points = cell_a + np.where(open_a | open_b, 0.5, share)[:, None] * (cell_b - cell_a)
     wall = np.where(open_a, wall_b, wall_a)
     radius = np.hypot(*(points - region.walls[wall]).T) + 0.5
-    walls = np.stack([np.where(open_a, OPEN, wall_a), np.where(open_b, OPEN, wall_b)], 1)
-    return _Cracks(corners, points, radius, walls, second_left[keep])
+    side_a, side_b = np.where(open_a, OPEN, wall_a), np.where(open_b, OPEN, wall_b)
+    second_left = second_left[keep]
+    left, right = np.where(second_left, side_b, side_a), np.where(second_left, side_a, side_b)
+    return Cracks(corners, points, radius, left, right)
 
 
 def _find_sides(
@@ -106,17 +95,8 @@ def _find_sides(
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float32]]:
     """Return for each cell the position of its nearest wall cell, its index, the distance."""
     region = space.region
-    source = np.ones(region.inside.shape, np.uint8)
-    source[region.walls[:, 1], region.walls[:, 0]] = 0
-    transform = cv2.distanceTransformWithLabels(
-        source, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
-    )
-    distance = np.asarray(transform[0], np.float32)
-    labels = np.asarray(transform[1], np.int32)
-    own = labels[region.walls[:, 1], region.walls[:, 0]]
-    to_wall = np.zeros(int(own.max()) + 1, np.int32)
-    to_wall[own] = np.arange(len(own))
-    nearest = np.take(to_wall, labels)
+    distance, label, wall_of_label = find_nearest_walls(region.walls, region.inside.shape)
+    nearest = np.take(wall_of_label, label)
     side = np.take(space.position, nearest)
     deep = (distance >= DEEP * midline_px - 0.5) & region.inside
     if deep.any():
@@ -140,40 +120,3 @@ def _share(walls: Index, cell_a: Index, cell_b: Index, wall_a: Index, wall_b: In
     gap = np.sum(to_b**2, axis=1) - np.sum(to_a**2, axis=1)
     share = np.where(np.abs(slope) > 1e-9, gap / np.where(slope == 0, 1, slope), 0.5)
     return np.asarray(np.clip(share, 0.0, 1.0))
-
-
-def _trace(cracks: _Cracks, width: int) -> Skeleton:
-    """Join cracks into branches between nodes."""
-    ends = cracks.corners.ravel()
-    order = np.argsort(ends, kind="stable")
-    corner, first, count = np.unique(ends[order], return_index=True, return_counts=True)
-    beyond = np.full(len(ends), -1, np.int64)
-    pairs = first[count == 2]
-    one, two = order[pairs], order[pairs + 1]
-    beyond[one], beyond[two] = two, one
-    at_node = np.repeat(count != 2, count)
-    node_of_end = np.full(len(ends), -1, np.int64)
-    node_of_end[order[at_node]] = np.repeat(corner, count)[at_node]
-    following, nodes = beyond.tolist(), node_of_end.tolist()
-    skeleton = Skeleton()
-    for path, start, last in walk_chains(following, nodes):
-        tail, head = nodes[start], nodes[last]
-        if tail < 0:
-            tail = head = int(ends[start])
-        skeleton.branches.append(_as_branch(cracks, path, tail, head))
-        for node, k in ((tail, 0), (head, -1)):
-            if node not in skeleton.nodes:
-                y, x = divmod(node, width + 1)
-                radius = float(skeleton.branches[-1].radius_px[k])
-                skeleton.nodes[node] = Node((x - 0.5, y - 0.5), radius)
-    return skeleton
-
-
-def _as_branch(cracks: _Cracks, path: Index, tail: int, head: int) -> Branch:
-    """Return the branch that a list of crack ends (2 x crack + end entered by) describes."""
-    crack, entered = path >> 1, path & 1
-    swap = cracks.second_on_left[crack] == (entered == 0)
-    walls = cracks.walls[crack]
-    left = np.where(swap, walls[:, 1], walls[:, 0])
-    right = np.where(swap, walls[:, 0], walls[:, 1])
-    return Branch(tail, head, cracks.points[crack], cracks.radius[crack], left, right)

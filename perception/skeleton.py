@@ -20,7 +20,7 @@ from perception.geometry import Array
 from perception.kernels import Kernels, get_kernels
 from perception.region import Index, Region
 
-__all__ = ["OPEN", "Branch", "Node", "Skeleton", "build_skeleton", "walk_chains"]
+__all__ = ["OPEN", "Branch", "Node", "Skeleton", "build_skeleton", "trace_branches"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,11 +141,20 @@ def build_skeleton(region: Region, *, midline_px: float) -> Skeleton:
         return Skeleton()
     kernels = get_kernels()
     cracks = find_cracks(region, measure_field(region, midline_px), kernels)
-    return _trace(region, cracks, kernels)
+    return trace_branches(region, cracks, kernels)
 
 
-def _trace(region: Region, cracks: Cracks, kernels: Kernels | None) -> Skeleton:
-    """Join cracks into branches between nodes."""
+def trace_branches(region: Region, cracks: Cracks, kernels: Kernels | None = None) -> Skeleton:
+    """Join the cracks of a region into branches between nodes.
+
+    Parameters
+    ----------
+    kernels : compiled loops to do it with, if any.
+
+    Source
+    ------
+    Ours.
+    """
     beyond, node_of_end = link_cracks(cracks.corners)
     ends, nodes = cracks.corners.ravel(), node_of_end.tolist()
     skeleton = Skeleton()
