@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from perception.continuity import read_stars
-from perception.gateways import LEADS_FAR, Gateway
+from perception.gateways import Gateway, rate_way
 from perception.geometry import Array
 from perception.grid import Image, Mask, classify
 from perception.level import is_crossed
@@ -59,22 +59,13 @@ def weigh_gateways(
 def _confide(
     gateway: Gateway, free: Mask, way_px: Array, min_frontier_px: float, min_depth_px: float
 ) -> float:
-    """Return the probability, a half to one, that a way leads out of a gateway.
-
-    A narrow frontier raises no doubt about a way that is known to lead far.
-    """
+    """Return the probability that a way leads out of a gateway."""
     if gateway.frontier_px <= 0 or is_crossed(gateway, way_px):
         return 1.0
     depth = gateway.depth_px
     if gateway.width_px >= _WIDER * min_frontier_px:
         depth = max(depth, see_through(gateway, free))
-    far = max(depth / min_depth_px - LEADS_FAR, 0.0) if min_depth_px > 0 else 0.0
-    width = gateway.frontier_px + far * min_frontier_px
-    sure = 1.0
-    for value, limit in ((width, min_frontier_px), (depth, min_depth_px)):
-        if limit > 0:
-            sure *= 1.0 - 0.5 * math.exp(-2.0 * max(value / limit - 1.0, 0.0))
-    return sure
+    return rate_way(gateway.frontier_px, depth, min_frontier_px, min_depth_px)
 
 
 def see_through(gateway: Gateway, free: Mask) -> float:

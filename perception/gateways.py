@@ -27,9 +27,10 @@ from perception.virtual_walls import Sides, VirtualWalls, is_open, see_virtual_w
 
 Method = Literal["anchor", "constriction"]
 Direction = Literal["fit", "heading"]
-LEADS_FAR = 2.0
-"""Beyond this multiple of the least depth, a branch is the surer the farther it leads."""
 Point = tuple[float, float]
+
+_LEADS_FAR = 2.0
+"""Beyond this multiple of the least depth, a branch is the surer the farther it leads."""
 
 _AT_EDGE = 0.1
 """Share of a search area; the reach of an anchor may begin so far beyond the edge of the core."""
@@ -273,22 +274,42 @@ def _as_gateway(
         2 * radius,
         arm.frontier_px,
         max(depth, 0.0),
-        _confide(arm, max(depth, 0.0), min_frontier_px, min_depth_px),
+        rate_way(arm.frontier_px, max(depth, 0.0), min_frontier_px, min_depth_px),
         kind,
         anchor,
         tell_path_type(branch, place),
     )
 
 
-def _confide(arm: Arm, depth_px: float, min_frontier_px: float, min_depth_px: float) -> float:
-    """Return how far frontier and depth are above their limits, as 0.5 (at one) to 1.
+def rate_way(
+    frontier_px: float, depth_px: float, min_frontier_px: float, min_depth_px: float
+) -> float:
+    """Return how sure it is that a way leads out, by how far frontier and depth exceed their limits.
 
-    A narrow frontier raises no doubt about a branch that is known to lead far.
+    A narrow frontier raises no doubt about a way that is known to lead far.
+
+    Parameters
+    ----------
+    frontier_px, depth_px : of the way; a frontier of 0 is that of a loop, which leads back here.
+    min_frontier_px, min_depth_px : the limits, at which the odds are even; 0 for none.
+
+    Returns
+    -------
+    0.25 (both at their limits) to 1.
+
+    Source
+    ------
+    Ours.
+
+    Examples
+    --------
+    >>> rate_way(0.0, 9.0, 4.0, 8.0), rate_way(4.0, 40.0, 0.0, 8.0) > 0.99, rate_way(4, 8, 4, 8)
+    (1.0, True, 0.25)
     """
-    if arm.frontier_px <= 0:
-        return 1.0  # a loop: it leads back here
-    far = max(depth_px / min_depth_px - LEADS_FAR, 0.0) if min_depth_px > 0 else 0.0
-    width_px = arm.frontier_px + far * min_frontier_px
+    if frontier_px <= 0:
+        return 1.0
+    far = max(depth_px / min_depth_px - _LEADS_FAR, 0.0) if min_depth_px > 0 else 0.0
+    width_px = frontier_px + far * min_frontier_px
     sure = 1.0
     for value, limit in ((width_px, min_frontier_px), (depth_px, min_depth_px)):
         if limit > 0:
