@@ -100,7 +100,9 @@ class MapTree(VisitWeigher):
         return LeafState(MapState.start(star), PlaceFilter.start(), 0, 0, i, (0,), (i,), (0j,))
 
     def _keep(self, node: Node, state: LeafState) -> None:
-        size = state.filter.cov.nbytes + 200 * len(state.judge.joined) + 2000
+        above = node.parent.state if node.parent else None
+        is_shared = above is not None and above.judge is state.judge
+        size = state.filter.nbytes + 2000 + (0 if is_shared else 200 * len(state.judge.joined))
         node.state = state
         self._cache[node.serial] = node, size
         self._cached_bytes += size
@@ -116,7 +118,7 @@ class MapTree(VisitWeigher):
         place, offset, i, doubted = decision
         star = self.visits[v].readings[i].star
         new = place == len(state.firsts)
-        self.work += 2 + len(state.filter.places) ** 2 // 1000
+        self.work += 2 + len(state.filter.places) // 16
         judge, firsts, read = state.judge, state.firsts, state.place_readings
         bearings = state.bearings
         if new:

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hssh_kb.experience import Displacement
+from hssh_kb.joint_covariance import JointCovariance
 from hssh_kb.walk_graph import Index, Step, WalkGraph
 
 Array = NDArray[np.float64]
@@ -69,12 +70,17 @@ class Town:
 
 @dataclass(frozen=True, slots=True)
 class PlaceFilter:
-    """Mean and covariance of the visit (block 0) and of w places (blocks 1..w).
+    """Mean and covariance of the visit and of w places.
+
+    Covariances are against the visit at which the window was made.
 
     Attributes
     ----------
-    mean : (w + 1, 3) metres, metres, radians, in the frame of place 0.
-    cov : (3w + 3, 3w + 3); against the visit at which the window was made.
+    mean : (w + 1, 3) of the visit and the places; metres, metres, radians, in the frame of place 0.
+    joint : covariance of the places.
+    own : (w, 3, 3) its diagonal blocks.
+    cross : (3, 3w) covariance of the visit with the places.
+    visit_cov : (3, 3) covariance of the visit.
     places : (w,) numbers of the places held.
     slots : index in ``places`` of each place held.
     count : number of places in all.
@@ -83,7 +89,10 @@ class PlaceFilter:
     """
 
     mean: Array
-    cov: Array
+    joint: JointCovariance
+    own: Array
+    cross: Array
+    visit_cov: Array
     places: Index
     count: int
     slots: dict[int, int]
@@ -95,8 +104,29 @@ class PlaceFilter:
         """Return the filter at the first visit: the visit and place 0, both at the origin."""
         none = np.zeros((1, 2))
         town = Town(WalkGraph.start(), none, none, np.zeros(1, bool), MOST_PLACES, 1.0)
-        places = np.zeros(1, np.intp)
-        return cls(np.zeros((2, 3)), np.zeros((6, 6)), places, 1, {0: 0}, town, None)
+        return cls.of(np.zeros((2, 3)), np.zeros((6, 6)), np.zeros(1, np.intp), 1, town)
+
+    @classmethod
+    def of(cls, mean: Array, cov: Array, places: Index, count: int, town: Town) -> PlaceFilter:
+        """Return the filter of a window just made; ``cov`` is that of the visit and the places."""
+        slots = {place: k for k, place in enumerate(places.tolist())}
+        cov = np.ascontiguousarray(cov)
+        inner = np.ascontiguousarray(cov[3:, 3:])
+        n = len(places)
+        own = np.einsum("iaib->iab", inner.reshape(n, 3, n, 3)).copy()
+        joint, cross = JointCovariance.of(inner), cov[:3, 3:].copy()
+        return cls(mean, joint, own, cross, cov[:3, :3].copy(), places, count, slots, town, None)
+
+    @property
+    def cov(self) -> Array:
+        """Joint covariance (3w + 3, 3w + 3) of the visit and the places."""
+        cross = self.cross
+        return np.block([[self.visit_cov, cross], [cross.T, self.joint.write_out()]])
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes that it and what it predicts do not share with the filter it grew from, about."""
+        return self.joint.nbytes + 2 * (self.mean.nbytes + self.own.nbytes + self.cross.nbytes)
 
     def predict(self, displacement: Displacement | None, length_m: float) -> Prediction:
         """Return where the next visit should be, before it is told which place it is.
@@ -166,36 +196,26 @@ class PlaceFilter:
         limit = 1.0 if len(wanted) <= _MOST_WANTED else 0.5
         spots = graph.poses[graph.first, :2]
         town = Town(graph, spots, window.deviations, ~chosen, most, limit)
-        return PlaceFilter(
-            graph.poses[np.r_[graph.last, graph.first[places]]],
-            window.cov,
-            places,
-            self.count,
-            {place: k for k, place in enumerate(places.tolist())},
-            town,
-            None,
-        )
+        mean = graph.poses[np.r_[graph.last, graph.first[places]]]
+        return PlaceFilter.of(mean, window.cov, places, self.count, town)
 
     def step_ahead(self, displacement: Displacement | None, length_m: float) -> Prediction:
         """Return where the next visit should be, the window being what it is; see `predict`."""
         x, y, theta = self.mean[0].tolist()
-        head = self.cov[:3]
         if displacement is None:
             far = (_FAR_M * length_m) ** 2
             cov = np.diag([far, far, (2 * math.pi) ** 2])
             move = Displacement(0.0, 0.0, 0.0, tuple(map(tuple, cov.tolist())))
-            return Prediction.of(
-                self, move, length_m, (x, y, theta), cov, np.zeros_like(head), True
-            )
+            none = np.zeros_like(self.cross)
+            return Prediction.of(self, move, length_m, (x, y, theta), cov, none, True)
         c, s = math.cos(theta), math.sin(theta)
         lever_x = c * displacement.x - s * displacement.y
         lever_y = s * displacement.x + c * displacement.y
-        cross = head.copy()
-        cross[0] -= lever_y * head[2]
-        cross[1] += lever_x * head[2]
-        cov = cross[:, :3].copy()
-        cov[:, 0] -= lever_y * cov[:, 2]
-        cov[:, 1] += lever_x * cov[:, 2]
+        shift = np.array([[1.0, 0.0, -lever_y], [0.0, 1.0, lever_x], [0.0, 0.0, 1.0]])
+        cross = self.cross.copy()
+        cross[0] -= lever_y * cross[2]
+        cross[1] += lever_x * cross[2]
+        cov = shift @ self.visit_cov @ shift.T
         (a, b, d), (_, e, f), (_, _, g) = displacement.cov
         cov[0, 0] += c * c * a - 2 * c * s * b + s * s * e
         xy = c * s * (a - e) + (c * c - s * s) * b
@@ -237,7 +257,7 @@ class Prediction:
     length_m : typical length of a travel.
     pose : of the visit, in the frame of place 0.
     cov : (3, 3) of the pose.
-    cross : (3, 3w + 3) covariance of the pose with everything held.
+    cross : (3, 3w) covariance of the pose with the places held.
     unknown : the displacement is unknown.
     gap : (w, 3) pose of the visit minus pose of each place held.
     spread : (w, 3, 3) covariance of the gaps.
@@ -265,12 +285,9 @@ class Prediction:
         unknown: bool,
     ) -> Prediction:
         """Return the prediction, measured against all places at once."""
-        n = len(known.mean) - 1
-        blocks = known.cov.reshape(n + 1, 3, n + 1, 3)
-        own = np.einsum("iaib->iab", blocks)[1:]
-        across = cross.reshape(3, n + 1, 3)[:, 1:].transpose(1, 0, 2)
+        across = cross.reshape(3, len(known.places), 3).transpose(1, 0, 2)
         gap = np.array(pose) - known.mean[1:]
-        spread = cov + own - across - across.transpose(0, 2, 1)
+        spread = cov + known.own - across - across.transpose(0, 2, 1)
         return cls(known, move, length_m, pose, cov, cross, unknown, gap, spread)
 
     def measure(self, place: int, turn_rad: float) -> Innovation:
@@ -297,25 +314,21 @@ class Prediction:
 
     def found_place(self) -> PlaceFilter:
         """Return the filter with the visit as a new place."""
-        n = len(self.filter.mean)
-        mean = np.empty((n + 1, 3))
-        mean[:n] = self.filter.mean
-        mean[0] = mean[n] = self.pose
-        size = 3 * n
-        cov = np.empty((size + 3, size + 3))
-        cov[:size, :size] = self.filter.cov
-        cov[:3, :size], cov[:size, :3] = self.cross, self.cross.T
-        cov[:3, :3] = self.cov
-        cov[size:, :size], cov[:size, size:] = cov[:3, :size], cov[:size, :3]
-        cov[size:, size:] = self.cov
-        known = self.filter
+        known, n = self.filter, len(self.filter.places)
+        mean = np.empty((n + 2, 3))
+        mean[:-1] = known.mean
+        mean[0] = mean[-1] = self.pose
+        cross = np.hstack([self.cross, self.cov])
         return replace(
             known,
             mean=mean,
-            cov=cov,
+            joint=known.joint.grow(np.ascontiguousarray(cross.T)),
+            own=np.concatenate([known.own, self.cov[None]]),
+            cross=cross,
+            visit_cov=self.cov,
             places=np.append(known.places, known.count),
             count=known.count + 1,
-            slots={**known.slots, known.count: n - 1},
+            slots={**known.slots, known.count: n},
             log=self._note(known.count, self.pose, 0.0, (0.0, 0.0, 0.0)),
         )
 
@@ -346,20 +359,26 @@ class Prediction:
             ahead = wider.step_ahead(None if self.unknown else self.move, self.length_m)
             return ahead.close(place, turn_rad, noise)
         rows = 2 if math.isinf(noise[2]) else 3
+        known, b = self.filter, 3 * slot
         residual = self.measure(place, turn_rad).residual[:rows]
-        cov = self.filter.cov.copy()
-        cov[:3], cov[:, :3] = self.cross, self.cross.T
-        cov[:3, :3] = self.cov
-        b = 3 * slot + 3
-        gain = cov[:, :rows] - cov[:, b : b + rows]
+        gain = self.cross.T[:, :rows] - known.joint.take_columns(slot)[:, :rows]
+        visit_gain = self.cov[:, :rows] - self.cross[:, b : b + rows]
         spread = self.spread[slot, :rows, :rows] + np.diag(noise[:rows])
         root = np.linalg.inv(np.linalg.cholesky((spread + spread.T) / 2))
-        shrink = gain @ root.T
-        mean = self.filter.mean.copy()
-        mean[0] = self.pose
-        mean -= (shrink @ (root @ np.array(residual))).reshape(-1, 3)
         # W W' keeps the covariance symmetric; gain S^-1 gain' loses it bit by bit and blows up.
-        cov -= shrink @ shrink.T
+        shrink, visit_shrink = gain @ root.T, visit_gain @ root.T
+        change = root @ np.array(residual)
+        mean = known.mean.copy()
+        mean[0] = np.array(self.pose) - visit_shrink @ change
+        mean[1:] -= (shrink @ change).reshape(-1, 3)
+        blocks = shrink.reshape(-1, 3, rows)
         x, y, theta = mean[slot + 1].tolist()
-        log = self._note(place, (x, y, theta + turn_rad), turn_rad, noise)
-        return replace(self.filter, mean=mean, cov=cov, log=log)
+        return replace(
+            known,
+            mean=mean,
+            joint=known.joint.shrink(shrink),
+            own=known.own - blocks @ blocks.transpose(0, 2, 1),
+            cross=self.cross - visit_shrink @ shrink.T,
+            visit_cov=self.cov - visit_shrink @ visit_shrink.T,
+            log=self._note(place, (x, y, theta + turn_rad), turn_rad, noise),
+        )
