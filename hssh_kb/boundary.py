@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -25,6 +26,7 @@ _SIDES = ("left", "right", "abnormal")
 Sides = dict[str, frozenset[int]]
 CHOICE_LIMIT = 1000
 """At most so many minimal choices of the abnormal places of one path are looked at."""
+_MOST_VISITS = 500
 
 
 @dataclass(frozen=True)
@@ -62,16 +64,22 @@ def find_boundaries(
     Parameters
     ----------
     experience, hypothesis : a map of an experience.
-    budget_s : seconds to spend on each path.
+    budget_s : seconds to spend; each path has an even share of what is left.
 
     Raises
     ------
-    BudgetError : not one minimal choice was found in time.
+    BudgetError : not one minimal choice was found in time, or the walk is longer than can be
+        grounded in any.
 
     Source
     ------
     ``axioms/boundary.lp``, after Remolina & Kuipers 2004: abnormality is circumscribed.
     """
+    if len(experience) > _MOST_VISITS:
+        raise BudgetError(
+            f"the sides of paths are found for up to {_MOST_VISITS} visits, there are "
+            f"{len(experience)}; ask about a part of the walk"
+        )
     named = read_programs(["experience", "map", "named"])
     named += claim_to_facts(experience, hypothesis)
     named += "#show. " + " ".join(f"#show {atom}." for atom in _READ)
@@ -83,10 +91,13 @@ def find_boundaries(
             path, place = symbol.arguments
             first, dlp = (argument.number for argument in path.arguments)
             places.setdefault((first, dlp), []).append(place.number)
-    return tuple(
-        _find_regions(path, tuple(sorted(on)), facts, budget_s)
-        for path, on in sorted(places.items())
-    )
+    end = None if budget_s is None else time.monotonic() + budget_s
+    found = list[Boundary]()
+    for name, on in sorted(places.items()):
+        rest = None if end is None else max(end - time.monotonic(), 0.0)
+        share = None if rest is None else rest / (len(places) - len(found))
+        found.append(_find_regions(name, tuple(sorted(on)), facts, share))
+    return tuple(found)
 
 
 def _find_regions(
@@ -100,7 +111,8 @@ def _find_regions(
     )
     if not found.found:
         raise BudgetError(
-            f"the budget of {budget_s or 0:g} s was spent on the sides of path{path}; give more"
+            f"the time for the sides of path{path} was spent before one choice was found; "
+            "give a longer budget"
         )
     left = frozenset.intersection(*(sides["left"] for sides in found.found))
     right = frozenset.intersection(*(sides["right"] for sides in found.found))

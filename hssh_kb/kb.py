@@ -19,6 +19,7 @@ from hssh_kb.ranking import MapRow, RankedBy, RankedMaps, rank_maps, tabulate_ma
 from hssh_kb.records import BuildRecord, PlaceLayout, Raster, Trajectory
 
 if TYPE_CHECKING:
+    from hssh_kb.boundary import Boundary
     from hssh_kb.change_of_mind import ChangeOfMind
     from hssh_kb.check import Check, NewPlace
     from hssh_kb.explore import Exploration, Strategy
@@ -265,6 +266,18 @@ class KnowledgeBase:
 
         number = visit if isinstance(visit, int) else find_visit(self.experience, visit)
         return explain_new(self.experience, number, budget_s=budget_s, variant=variant)
+
+    def sides(self, number: int = 1, *, budget_s: float | None = None) -> tuple[Boundary, ...]:
+        """Return what lies left and right of each path; see :mod:`hssh_kb.boundary`.
+
+        Raises
+        ------
+        InputError : there is no such map, or it does not reach the last visit.
+        BudgetError : not one choice was found in time.
+        """
+        from hssh_kb.boundary import find_boundaries
+
+        return find_boundaries(self.experience, self.hypothesis(number), budget_s=budget_s)
 
     def explore(self, strategy: Strategy = "entropy", **options: Any) -> Exploration:  # noqa: ANN401
         """Rank the ways to go next by what they would tell; see :func:`hssh_kb.explore.explore`.

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from hssh_kb.basic import BasicExperience, BasicMap
+    from hssh_kb.boundary import Boundary
     from hssh_kb.check import Check, NewPlace
     from hssh_kb.finished import Finding
     from hssh_kb.query import QueryAnswer
@@ -67,6 +68,26 @@ def document_finished(source: str, findings: Sequence[Finding]) -> Document:
         "violations": [
             {"axiom": f.axiom, "source": f.source, "text": f.text, "witness": f.witness}
             for f in findings
+        ],
+    }
+
+
+def document_sides(boundaries: Sequence[Boundary], number: int) -> Document:
+    """Return the ``hssh.sides/1`` document: what lies left and right of the paths of one map."""
+    return {
+        "schema": "hssh.sides/1",
+        "map": number,
+        "paths": [
+            {
+                "path": f"path({one.path[0]},{one.path[1]})",
+                **{
+                    side: [f"P{p}" for p in getattr(one, side)]
+                    for side in ("on", "left", "right", "abnormal")
+                },
+                "choices": one.choices,
+                "complete": one.complete,
+            }
+            for one in boundaries
         ],
     }
 

@@ -13,6 +13,7 @@ from hssh_kb.cli.reasons import (
     explain_atom,
     explain_new_place,
     is_drawn_map,
+    tell_sides,
 )
 from hssh_kb.cli.variants import add_variant, take_variant
 from hssh_kb.errors import UsageError
@@ -35,6 +36,8 @@ EXAMPLES = """\
   hssh check office.hssh --assume v7=v2        why are visits 7 and 2 not the same place?
   hssh check walk.json --assume v7!=v2         why are they?
   hssh check walk.json --assume v4=v0 --assume v5=v1 --json
+  hssh check walk.json --claim maps.json --map 2  is the second map of this document possible?
+  hssh check walk.json --sides                 what lies left and right of each path?
   hssh check office.hssh --why-new v9          why is visit 9 a new place?
   hssh check walk.json --why 'order(path(0,0),plus,0,2)'  why does this hold in the best map?
   hssh check drawn.json                        does a map drawn by hand violate an axiom?
@@ -53,6 +56,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="assume that two visits were at one place (vI=vJ) or were not (vI!=vJ); repeatable",
     )
+    parser.add_argument(
+        "--claim",
+        metavar="MAPS",
+        help="assume a whole map: which visit is which place, as 'hssh maps --json' prints it",
+    )
+    parser.add_argument(
+        "--sides",
+        action="store_true",
+        help="which places lie left and right of each path of a map, as far as was seen",
+    )
     parser.add_argument("--why", metavar="ATOM", help="why this holds in a map: its derivation")
     parser.add_argument(
         "--why-new", metavar="vN", help="why this visit is a new place: what forbids each other"
@@ -67,27 +80,36 @@ def run(args: argparse.Namespace) -> int:
     from hssh_kb.alternatives import find_standing
     from hssh_kb.answers import document_check
     from hssh_kb.check import check
+    from hssh_kb.claims import check_claim, read_claim
     from hssh_kb.kb import KnowledgeBase
     from hssh_kb.store import read_kb_or_trace
 
     if is_drawn_map(args.input):
         return check_drawn_map(args, take_variant(args, drawn=True))
     variant = take_variant(args)
+    asked = [args.assume, args.claim, args.why, args.why_new, args.sides]
+    if sum(map(bool, asked)) > 1:
+        raise UsageError("give only one of --assume, --claim, --why, --why-new and --sides")
     found = read_kb_or_trace(args.input)
-    if args.why or args.why_new:
-        if args.assume or (args.why and args.why_new):
-            raise UsageError("give only one of --assume, --why and --why-new")
-        if not isinstance(found, KnowledgeBase):
-            tell_notices(found.notices)
-            found = KnowledgeBase.from_experience(found, budget_s=args.budget, variant=variant)
-        return explain_atom(args, found) if args.why else explain_new_place(args, found, variant)
     if isinstance(found, KnowledgeBase):
         experience = found.experience
     else:
         experience = found
         tell_notices(experience.notices)
+    if args.why or args.why_new or args.sides:
+        if not isinstance(found, KnowledgeBase):
+            found = KnowledgeBase.from_experience(found, budget_s=args.budget, variant=variant)
+        if args.sides:
+            return tell_sides(args, found)
+        return explain_atom(args, found) if args.why else explain_new_place(args, found, variant)
     with show_progress("checking"):
-        answer = check(experience, assumptions=args.assume, budget_s=args.budget, variant=variant)
+        if args.claim:
+            claim = read_claim(args.claim, args.map)
+            answer = check_claim(experience, claim, budget_s=args.budget, variant=variant)
+        else:
+            answer = check(
+                experience, assumptions=args.assume, budget_s=args.budget, variant=variant
+            )
     document, lines = document_check(answer), _format_check(answer)
     if isinstance(found, KnowledgeBase) and args.assume and found.hypotheses:
         standing = find_standing(found, args.assume)

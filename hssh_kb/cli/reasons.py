@@ -37,10 +37,10 @@ def check_drawn_map(args: argparse.Namespace, variant: Variant) -> int:
     from hssh_kb.finished import check_map
     from hssh_kb.theory_answers import document_finished
 
-    if args.assume or args.why or args.why_new:
+    if args.assume or args.why or args.why_new or args.claim or args.sides:
         raise UsageError(
-            f"{args.input} is a map drawn by hand: --assume, --why and --why-new are about an "
-            "experience"
+            f"{args.input} is a map drawn by hand: --assume, --claim, --why, --why-new and --sides "
+            "are about an experience"
         )
     findings = check_map(args.input, variant)
     if args.json:
@@ -65,6 +65,31 @@ def explain_atom(args: argparse.Namespace, kb: KnowledgeBase) -> int:
         print_json(document_why(derivation, args.map))
     else:
         print("\n".join(derivation.lines()))
+    return 0
+
+
+def tell_sides(args: argparse.Namespace, kb: KnowledgeBase) -> int:
+    """Print which places lie left and right of each path of a map."""
+    from hssh_kb.theory_answers import document_sides
+
+    with show_progress("finding the sides of the paths"):
+        boundaries = kb.sides(args.map, budget_s=args.budget)
+    if args.json:
+        print_json(document_sides(boundaries, args.map))
+        return 0
+    graph = kb.graph(args.map)
+
+    def name(places: tuple[int, ...]) -> str:
+        return ", ".join(graph.places[f"P{p}"].title for p in places) or "nothing"
+
+    for one in boundaries:
+        text = f"path({one.path[0]},{one.path[1]}) through {name(one.on)}: "
+        text += f"left of it {name(one.left)}, right of it {name(one.right)}"
+        if one.abnormal:
+            text += f"; on no one side {name(one.abnormal)}"
+        if not one.complete:
+            text += "; not all choices were looked at, so the sides may be too large"
+        print("\n".join(wrap_words(text + ".", 92)))
     return 0
 
 
