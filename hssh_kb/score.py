@@ -3,6 +3,8 @@
 The layout counts by *normalised densities*: a closure has the density of its innovation, a new
 place has the density of places, one per ``area_m2``. A bare chi-square with a price per place
 would make thousands of maps nearly equal and reward wrong closures when the drift is large.
+Where all corridors are much alike, a travel says little about which of them it went through: what
+it would have been through a corridor not known yet is taken off where the corridor is known.
 
 Source: Beeson 2008, sections 9.2 and 10.1.2 (posterior over maps); the terms are ours.
 """
@@ -19,8 +21,9 @@ import numpy as np
 from hssh_kb.errors import InputError
 from hssh_kb.experience import Displacement, Experience
 from hssh_kb.place_filter import Array, Innovation, Prediction
+from hssh_kb.travel_prior import TravelPrior, estimate_travel_prior
 
-TERMS = ("layout", "heading", "exclusion", "readings", "places", "doubts", "lpm")
+TERMS = ("layout", "heading", "exclusion", "readings", "places", "doubts", "lpm", "travels")
 _LOG_2PI = math.log(2 * math.pi)
 _LOST_PLACES = 25.0  # a robot that may be at any of so many places is lost
 
@@ -35,6 +38,7 @@ class Addends(NamedTuple):
     places: float
     doubts: float
     lpm: float = 0.0
+    travels: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -60,6 +64,7 @@ class Score:
     floor : no single doubt about one visit (heading, exclusion) costs more than this (< 0).
     place_prior : log prior of each place beyond the first (<= 0).
     slip : probability that a place goes unnoticed during one travel.
+    travels : what all corridors have in common; None if nothing that helps.
     """
 
     area_m2: float = 1.0
@@ -74,6 +79,7 @@ class Score:
     floor: float = -10.0
     place_prior: float = 0.0
     slip: float = 0.0
+    travels: TravelPrior | None = None
 
     def __post_init__(self) -> None:
         for name in ("area_m2", "spacing_m", "length_m", "bearing_rad", "dlp_heading_rad"):
@@ -247,6 +253,8 @@ def estimate_score(experience: Experience, **overrides: Any) -> Score:  # noqa: 
     visits spread by 0.3 m (at most a tenth of the median travel), and one closure in twenty is
     an outlier. Without headings the frames are taken to be
     shared if no travel turns by more than 0.5 rad (frames that all point one way), else free.
+    What the corridors have in common, if they do, is learned from all travels
+    (:mod:`hssh_kb.travel_prior`).
 
     Parameters
     ----------
@@ -266,6 +274,7 @@ def estimate_score(experience: Experience, **overrides: Any) -> Score:  # noqa: 
             values |= {"spread_m": min(0.3, 0.1 * typical), "outlier": 0.05}
     turned = [abs((d.theta + math.pi) % (2 * math.pi) - math.pi) for d in moves]
     values["frames"] = "shared" if max(turned, default=0.0) <= 0.5 else "free"
+    values["travels"] = estimate_travel_prior(experience)
     return Score(**(values | overrides))
 
 

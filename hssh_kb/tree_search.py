@@ -42,6 +42,7 @@ _REVISED_WORK = 60_000  # units of work for one revision at most, where travels 
 _REPAIRS = 16  # repairs of one depth carried out at a time
 _PROMISE_NATS = 8.0  # ... if they promise a map that near the best one
 _SWEPT = 0.5  # share of the budget for the fronts where travels slip; the rest is for revising
+_ESTIMATED = (2, 4, 8, 16, 32, 64)  # visits known when the score is estimated anew
 _DETOURS = 4  # maps grown for each visit at most to get to the end when the budget is spent
 
 
@@ -134,7 +135,7 @@ class TreeOfMaps:
                 f"visit {len(self._visits) - 1}: lacks 'depart'; give the visit again with it"
             )
         known = len(self._visits)
-        if self._estimated and known in (2, 4, 8, 16):
+        if self._estimated and known in _ESTIMATED:
             visits = tuple(self._visits)
             self._reset(estimate_score(Experience(visits, slip=self._slip)))
             self._visits = []
@@ -392,9 +393,7 @@ class TreeOfMaps:
             return False
         top, ahead = lead.score, 0.0
         for depth in range(last - 1, -1, -1):
-            move = self._visits[depth + 1].displacement
-            weights = [math.log(r.weight) for r in self._visits[depth + 1].readings]
-            ahead += max(weights) + self.score.bound_travel(None if move is None else move.cov)
+            ahead += self.tree.bound_visit(depth + 1)
             if self._fronts.bound(depth) + ahead > top + 1e-9:
                 return False
         return True

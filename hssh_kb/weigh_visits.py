@@ -14,6 +14,9 @@ from hssh_kb.experience import Reading, Visit
 from hssh_kb.node import NOTHING, Decision, LeafState, Option, replace_doubt
 from hssh_kb.place_filter import Prediction
 from hssh_kb.score import Addends, Score
+from hssh_kb.travel_prior import Told, find_heading
+
+_WINDOW_WORK = 1_000  # units of work that another window of places costs
 
 
 class VisitWeigher:
@@ -43,6 +46,7 @@ class VisitWeigher:
         self._shape_of: dict[tuple[tuple[int, ...], tuple[int, ...]], int] = {}
         self._turns: dict[tuple[int, int], tuple[int, ...]] = {}
         self._lpm: list[tuple[dict[int, float], float]] = []
+        self._told: dict[tuple[int, int], Told] = {}
         self._matches: dict[tuple[int, int, int, int, int], tuple[float, float, float]] = {}
 
     def note_visit(self, visit: Visit) -> int:
@@ -82,7 +86,11 @@ class VisitWeigher:
         if state.prediction is None:
             self.work += 1 + len(state.filter.places) // 50
             move = self.visits[visit].displacement
+            told = None if self._is_known(state, visit) else self._tell_travel(state, visit)
+            move = move if told is None else told.move
             state.prediction = state.filter.predict(move, self.score.length_m)
+            if state.prediction.filter is not state.filter:
+                self.work += _WINDOW_WORK
         return state.prediction
 
     def leave(self, state: LeafState, visit: int) -> int | None:
@@ -91,6 +99,42 @@ class VisitWeigher:
         if reading.depart is None:
             return None
         return (reading.depart + state.offset) % len(reading.star)
+
+    def _is_known(self, state: LeafState, visit: int) -> bool:
+        """Return whether the travel to a visit is through a corridor travelled before."""
+        depart = self.leave(state, visit)
+        return depart is None or state.judge.follow(state.place, depart) is not None
+
+    def _tell_travel(self, state: LeafState, visit: int) -> Told | None:
+        """Return what a travel tells if it is the first through its corridor; None if no more."""
+        prior, move = self.score.travels, self.visits[visit].displacement
+        if prior is None or move is None:
+            return None
+        key = visit, state.reading
+        known = self._told.get(key)
+        if known is None:
+            heading = find_heading(self.visits[visit - 1].readings[state.reading])
+            known = self._told[key] = prior.sharpen(move, heading)
+        return known
+
+    def _weigh_travel(self, state: LeafState, v: int) -> float:
+        """Return what is taken off for a travel that any corridor would have explained as well."""
+        told = self._tell_travel(state, v)
+        if told is None or not self._is_known(state, v):
+            return 0.0
+        return -told.log_density - math.log(self.score.area_m2)
+
+    def bound_visit(self, v: int) -> float:
+        """Return the most that a visit can ever add to the log posterior (a safe bound)."""
+        move, prior = self.visits[v].displacement, self.score.travels
+        known = self.score.bound_travel(None if move is None else move.cov)
+        bound = known
+        if prior is not None and move is not None:
+            for before in self.visits[v - 1].readings:
+                told = prior.sharpen(move, find_heading(before))
+                off = -told.log_density - math.log(self.score.area_m2)
+                bound = max(bound, known + off, self.score.bound_travel(told.move.cov))
+        return bound + max(math.log(reading.weight) for reading in self.visits[v].readings)
 
     def enter(self, visit: int, decision: Decision) -> int:
         """Return the index, in its place's star, of the dlp of the gateway come in by."""
@@ -251,7 +295,8 @@ class VisitWeigher:
         reading = self.visits[v].readings[decision.reading]
         read, doubts = self._price(reading.weight, decision.doubted)
         lpm = self.weigh_lpm(v, state.firsts[decision.place])
-        return Addends(layout, heading, 0.0, read, 0.0, doubts, lpm)
+        travels = self._weigh_travel(state, v)
+        return Addends(layout, heading, 0.0, read, 0.0, doubts, lpm, travels)
 
     def _weigh_bearings(
         self, state: LeafState, v: int, depart: int | None, decision: Decision
