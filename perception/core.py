@@ -61,9 +61,9 @@ class Core:
 
     def holds(self, points_px: Array) -> Mask:
         """Return which points (n, 2) lie within the radius of a base point."""
-        gap = points_px[:, None, :] - self.base_px[None, :, :]
-        near = np.hypot(gap[..., 0], gap[..., 1]) <= self.base_radius_px
-        return np.asarray(near.any(axis=1))
+        (x, y), (base_x, base_y) = points_px.T, self.base_px.T[:, :, None]
+        near = np.hypot(x - base_x, y - base_y) <= self.base_radius_px[:, None]
+        return np.asarray(near.any(axis=0))
 
 
 def find_core(skeleton: Skeleton, region: Region, *, base: Base = "settled") -> Core:

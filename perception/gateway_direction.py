@@ -71,16 +71,13 @@ def fit_direction(branch: Branch, region: Region, place: int) -> Line:
     Ours, for the headings of a thinned skeleton are off by 4 degrees (Beeson 2008, Figure 6.33).
     """
     points, radius = branch.points_px, float(branch.radius_px[place])
-    step = points - points[place]
-    gap = np.sqrt(step[:, 0] ** 2 + step[:, 1] ** 2)
-    first = place - int(np.argmax((gap[place::-1] > radius) | (place == 0)))
-    first = first if first < place else 0
-    first = max(first, min(1, place))
-    far = np.flatnonzero(gap[place:] > 2.0 * radius)
-    last = place + (int(far[0]) if len(far) else len(points) - place)
-    vague = np.flatnonzero(~_is_firm(branch, region, (place, last)))
-    sure = place + int(vague[0]) if len(vague) else last
-    short = max(2.0 * radius - float(gap[last - 1]), 0.0) if len(vague) else 0.0
+    first = max(branch.within(place, radius)[0] - 1, min(1, place))
+    _, last = branch.within(place, 2.0 * radius)
+    vague = (~_is_firm(branch, region, (place, last))).nonzero()[0]
+    sure, short = last, 0.0
+    if len(vague):
+        sure = place + int(vague[0])
+        short = max(2.0 * radius - math.dist(points[last - 1], points[place]), 0.0)
     around = (first, max(last, place + 1))
     fits: tuple[Callable[[], Line | None], ...] = (
         lambda: _fit_walls(branch, region, (place, last), radius, short),
@@ -120,13 +117,14 @@ def _fit_walls(
         seen = _see_wall(side, region, round(extend_px))
         if len(seen) < 3:
             continue
-        wall = region.walls[seen].astype(float)
+        wall = region.walls.take(seen, axis=0).astype(float)
         centred.append(wall - wall.sum(axis=0) / len(wall))
     if not centred:
         return None
     heading, residual = _find_axis(np.concatenate(centred), step)
     axis = np.array([math.cos(heading), math.sin(heading)])
-    reach = max(float(np.ptp(wall @ axis)) for wall in centred)
+    along = [wall @ axis for wall in centred]
+    reach = max(float(way.max() - way.min()) for way in along)
     if reach < 0.8 * radius_px:
         return None
     return Line(heading, residual, reach)
@@ -152,15 +150,15 @@ def list_distinct(numbers: Index) -> Index:
     if not len(numbers):
         return numbers
     least = int(numbers.min())
-    return np.flatnonzero(np.bincount(numbers - least)) + least
+    return np.asarray(np.bincount(numbers - least).nonzero()[0] + least)
 
 
 def _is_firm(branch: Branch, region: Region, window: tuple[int, int]) -> Mask:
     """Tell for each point whether its walls are seen there, not only their ends."""
     part = slice(*window)
     left, right = branch.left[part], branch.right[part]
-    firm = (left == OPEN) | (region.tip_distance[left] > 1)
-    return np.asarray(firm & ((right == OPEN) | (region.tip_distance[right] > 1)))
+    firm = (left == OPEN) | (region.tip_distance.take(left) > 1)
+    return np.asarray(firm & ((right == OPEN) | (region.tip_distance.take(right) > 1)))
 
 
 def mean_heading(branch: Branch, place: int) -> float:

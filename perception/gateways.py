@@ -142,12 +142,8 @@ def needs_virtual_walls(arms: Sequence[Arm]) -> bool:
 
 def _search_area(branch: Branch, edge: int) -> tuple[int, int]:
     """Return [first, last) of the points within the Voronoi radius of the edge of the core."""
-    gap = branch.points_px - branch.points_px[edge]
-    far = np.einsum("ij,ij->i", gap, gap) > branch.radius_px[edge] ** 2
-    before, after = far[:edge][::-1], far[edge + 1 :]
-    first = edge - int(before.argmax()) if before.any() else 1
-    last = edge + 1 + int(after.argmax()) if after.any() else len(far)
-    return min(first, edge), max(last, edge + 1)
+    first, last = branch.within(edge, float(branch.radius_px[edge]))
+    return min(max(first, 1), edge), last
 
 
 def _place_by_constriction(branch: Branch, edge: int, area: tuple[int, int]) -> int:
@@ -171,14 +167,14 @@ def _place_by_anchor(
         count, least = _count_held(seen, sides.arc)
         most = int(count.max())
         if best is None or most > best[0]:
-            ties = np.flatnonzero(count == most) + least
+            ties = (count == most).nonzero()[0] + least
             gap = np.hypot(*(sides.cells[ties] - points[edge]).T)
             best = most, int(ties[np.argmin(gap)])
     if best is None or best[0] < max(4, 0.15 * (last - first)):
         return None, edge
     anchor = best[1]
-    held = _held_by(sides, anchor)[first:last]
-    wanted = np.flatnonzero(~held if held[edge - first] else held) + first
+    held = _held_by(sides, anchor, area)
+    wanted = (~held if held[edge - first] else held).nonzero()[0] + first
     inner, outer = wanted[wanted < edge], wanted[wanted > edge]
     near = _AT_EDGE * (last - first)
     if len(outer) and outer[0] - edge <= near and not (len(inner) and edge - inner[-1] <= near):
@@ -202,15 +198,16 @@ def _count_held(seen: Index, arc: Index) -> tuple[Index, int]:
     return count, least
 
 
-def _held_by(sides: Sides, anchor: int) -> Mask:
-    """Tell for each point whether the anchor is the nearest obstacle on the left or right."""
-    held = np.zeros(len(sides.left), bool)
+def _held_by(sides: Sides, anchor: int, area: tuple[int, int]) -> Mask:
+    """Tell for each point of an area whether the anchor is the nearest obstacle on a side."""
+    first, last = area
+    held = np.zeros(last - first, bool)
     near = _VIRTUAL_NEIGHBOURS if anchor >= sides.real else 1
-    for side in (sides.left, sides.right):
+    for side in (sides.left[first:last], sides.right[first:last]):
         held |= (
             (np.abs(side - anchor) <= near)
             & (side != OPEN)
-            & (sides.arc[side] == sides.arc[anchor])
+            & (sides.arc.take(side) == sides.arc[anchor])
         )
     return held
 
@@ -229,19 +226,19 @@ def _turn_to_anchor(branch: Branch, place: int, anchor: Point | None, heading_ra
 def _settle(branch: Branch, region: Region, place: int, area: tuple[int, int]) -> int:
     """Move to where the line between the two nearest walls crosses the skeleton, until at rest."""
     first, last = area
-    points = branch.points_px[first:last]
+    x, y = branch.points_px[first:last].T
     for _ in range(6):
         left, right = int(branch.left[place]), int(branch.right[place])
         if OPEN in (left, right):
             return place
-        a, b = region.walls[left].astype(float), region.walls[right].astype(float)
-        line = b - a
-        length = float(np.hypot(*line))
-        if length < 1e-9:
+        (ax, ay), (bx, by) = region.walls[[left, right]].tolist()
+        dx, dy = bx - ax, by - ay
+        if not (dx or dy):
             return place
-        across = np.abs((points - a) @ np.array([-line[1], line[0]])) / length
-        along = (points - a) @ line / length**2
-        across[(along < 0) | (along > 1)] = np.inf
+        off_x, off_y = x - ax, y - ay
+        across = np.abs(off_y * dx - off_x * dy) / math.hypot(dx, dy)
+        along = off_x * dx + off_y * dy
+        across[(along < 0) | (along > dx * dx + dy * dy)] = np.inf
         found = first + int(across.argmin())
         if found == place or not np.isfinite(across[found - first]):
             return place
@@ -284,7 +281,7 @@ def _as_gateway(
 def rate_way(
     frontier_px: float, depth_px: float, min_frontier_px: float, min_depth_px: float
 ) -> float:
-    """Return how sure it is that a way leads out, by how far frontier and depth exceed their limits.
+    """Return how sure it is that a way leads out: how far frontier and depth exceed their limits.
 
     A narrow frontier raises no doubt about a way that is known to lead far.
 

@@ -47,9 +47,7 @@ def tell_path_type(branch: Branch, place: int) -> str:
     ----------
     branch : outward. place : index of the point where the path begins.
     """
-    gap = branch.points_px[place:] - branch.points_px[place]
-    far = np.einsum("ij,ij->i", gap, gap) > (_LOOK_RADII * branch.radius_px[place]) ** 2
-    last = place + (int(far.argmax()) if far[-1] or far.any() else len(far))
+    _, last = branch.within(place, _LOOK_RADII * float(branch.radius_px[place]))
     left, right = branch.left[place:last] != OPEN, branch.right[place:last] != OPEN
     size = last - place
     both = np.count_nonzero(left & right)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import heapq
+import itertools
+import math
 
 import numpy as np
 
@@ -208,20 +210,30 @@ def _is_seen(inside: Mask, place_px: tuple[float, float], point: Array) -> bool:
 
 def _search(inside: Mask, place_px: tuple[float, float], points: Array) -> int:
     """Return the point reached first by a wave through the region (8 neighbours, Dijkstra)."""
-    height, width = inside.shape
-    goal = {(int(x), int(y)): k for k, (x, y) in enumerate(points.round().astype(int).tolist())}
-    start = (round(place_px[0]), round(place_px[1]))
-    queue: list[tuple[float, tuple[int, int]]] = [(0.0, start)]
-    done: set[tuple[int, int]] = set()
+    passable = np.pad(inside.T, 1).tobytes()  # a border of walls: no neighbour is outside
+    height = len(inside) + 2
+
+    def number(x: float, y: float) -> int:
+        return (round(x) + 1) * height + round(y) + 1
+
+    goal = {number(x, y): k for k, (x, y) in enumerate(points.tolist())}
+    moves = [
+        (dx * height + dy, 1.41 if dx and dy else 1.0)
+        for dx, dy in itertools.product((-1, 0, 1), repeat=2)
+        if dx or dy
+    ]
+    start = number(*place_px)
+    best = {start: 0.0}
+    queue = [(0.0, start)]
     while queue:
         cost, cell = heapq.heappop(queue)
-        if cell in done:
-            continue
-        done.add(cell)
         if cell in goal:
             return goal[cell]
-        for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)):
-            x, y = cell[0] + dx, cell[1] + dy
-            if 0 <= x < width and 0 <= y < height and inside[y, x] and (x, y) not in done:
-                heapq.heappush(queue, (cost + (1.41 if dx and dy else 1.0), (x, y)))
+        if cost > best[cell]:
+            continue
+        for move, step in moves:
+            other = cell + move
+            if passable[other] and cost + step < best.get(other, math.inf):
+                best[other] = cost + step
+                heapq.heappush(queue, (cost + step, other))
     return int(np.argmin(np.hypot(*(points - place_px).T)))

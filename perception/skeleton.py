@@ -76,6 +76,14 @@ class Branch:
             self.right[first:last],
         )
 
+    def within(self, k: int, distance_px: float) -> tuple[int, int]:
+        """Return [first, last) of the points about point k up to where it gets further off it."""
+        x, y = self.points_px.T
+        dx, dy = x - x[k], y - y[k]
+        far = dx * dx + dy * dy > distance_px * distance_px
+        before, after = int(far[k::-1].argmax()), int(far[k:].argmax())
+        return k - before + 1 if before else 0, k + after if after else len(far)
+
     @cached_property
     def steps_px(self) -> Array:
         """(n,) arc length from the tail to each point."""
