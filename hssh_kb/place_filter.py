@@ -6,11 +6,10 @@ closure says that the visit is at a place seen before. The innovation of a closu
 normalised density is taken of.
 
 Up to ``MOST_PLACES`` places all are held, and the estimate is the extended Kalman filter. In
-larger maps a window of places is held whose joint covariance is the marginal of the whole map:
-what the window does not hold is in a :class:`hssh_kb.walk_graph.WalkGraph`, shared by all maps
-that grow from one. While the robot stays within the window nothing is lost by that; when it
-comes near a place outside, the visits since are added to the graph and the window moves on.
-So the cost of an arrival does not grow with the map.
+larger maps a window of places is held: what it does not hold is in a :class:`hssh_kb.town.Town`,
+shared by all maps that grow from one. While the robot stays within the window nothing is lost by
+that; when it comes near a place outside, the visits since are added to the town and the window
+moves on. So the cost of an arrival does not grow with the map.
 
 Source: Beeson 2008, section 9.3.2 (the Kalman form of G(chi)); the use for scoring and the
 windows are ours.
@@ -27,13 +26,11 @@ from numpy.typing import NDArray
 
 from hssh_kb.experience import Displacement
 from hssh_kb.joint_covariance import JointCovariance
-from hssh_kb.walk_graph import Index, Step, WalkGraph
+from hssh_kb.town import Town
+from hssh_kb.walk_graph import Index, Step
 
 Array = NDArray[np.float64]
-MOST_PLACES = 256
-_AROUND = 96  # places of a new window, the nearest ones
-_MOST_WANTED = 128  # places that the visit may be at, held beside those
-_REACH_SIGMAS = 7.0  # places further off than that can be no closure
+_REACH_SIGMAS = 5.0  # places further off than that, on the safe side, can be no closure
 _FURTHER = 1.3
 _FAR_M = 1e4
 
@@ -43,29 +40,6 @@ class Log(NamedTuple):
 
     before: Log | None
     step: Step
-
-
-@dataclass(frozen=True, slots=True)
-class Town:
-    """What the window was cut from.
-
-    Attributes
-    ----------
-    graph : the visits up to then.
-    spots : (n, 2) positions of the places then, m.
-    deviations : (n, 2) of position [m] and heading [rad] of the places, against the visit then.
-    outside : (n,) the place is not in the window.
-    most : how many places the window may hold.
-    limit : a place outside nearer than this share of where the visit may be calls for another
-        window; less than 1 where more places were called for than a window can hold.
-    """
-
-    graph: WalkGraph
-    spots: Array
-    deviations: Array
-    outside: NDArray[np.bool_]
-    most: int
-    limit: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,9 +76,8 @@ class PlaceFilter:
     @classmethod
     def start(cls) -> PlaceFilter:
         """Return the filter at the first visit: the visit and place 0, both at the origin."""
-        none = np.zeros((1, 2))
-        town = Town(WalkGraph.start(), none, none, np.zeros(1, bool), MOST_PLACES, 1.0)
-        return cls.of(np.zeros((2, 3)), np.zeros((6, 6)), np.zeros(1, np.intp), 1, town)
+        first = np.zeros(1, np.intp)
+        return cls.of(np.zeros((2, 3)), np.zeros((6, 6)), first, 1, Town.start())
 
     @classmethod
     def of(cls, mean: Array, cov: Array, places: Index, count: int, town: Town) -> PlaceFilter:
@@ -142,12 +115,6 @@ class PlaceFilter:
             return ahead
         return self.move_window(ahead.pose, near, length_m).step_ahead(displacement, length_m)
 
-    def locate_outside(self, place: int) -> tuple[tuple[float, float, float], Array]:
-        """Return the pose of a place that is not held, and its deviations; see :class:`Town`."""
-        town = self.town
-        x, y, theta = town.graph.poses[town.graph.first[place]].tolist()
-        return (x, y, theta), town.deviations[place]
-
     def _find_outside(self, ahead: Prediction, length_m: float) -> Index:
         """Return the places outside the window that the next visit may be at."""
         town = self.town
@@ -179,25 +146,12 @@ class PlaceFilter:
         while log is not None:
             steps.append(log.step)
             log = log.before
-        graph = self.town.graph.extend(steps[::-1], length_m).forget()
-        spots = graph.poses[graph.first, :2]
-        spots[self.places] = self.mean[1:, :2]
-        off = np.hypot(*(spots - pose[:2]).T)
-        chosen = np.zeros(self.count, bool)
-        chosen[np.argsort(off, kind="stable")[:_AROUND]] = True
-        chosen[wanted[:_MOST_WANTED]] = True
-        places = np.flatnonzero(chosen)
-        poses = graph.poses.copy()
-        poses[graph.first[self.places]] = self.mean[1:]
-        poses[graph.last] = self.mean[0]
-        window = replace(graph, poses=poses).lay_out(places, length_m)
-        graph = window.graph
-        most = max(MOST_PLACES, len(places) + MOST_PLACES - _AROUND)
-        limit = 1.0 if len(wanted) <= _MOST_WANTED else 0.5
-        spots = graph.poses[graph.first, :2]
-        town = Town(graph, spots, window.deviations, ~chosen, most, limit)
+        town, places, cov = self.town.move(
+            steps[::-1], self.places, self.mean, pose, wanted, length_m
+        )
+        graph = town.graph
         mean = graph.poses[np.r_[graph.last, graph.first[places]]]
-        return PlaceFilter.of(mean, window.cov, places, self.count, town)
+        return PlaceFilter.of(mean, cov, places, self.count, town)
 
     def step_ahead(self, displacement: Displacement | None, length_m: float) -> Prediction:
         """Return where the next visit should be, the window being what it is; see `predict`."""
@@ -307,7 +261,7 @@ class Prediction:
 
     def _measure_outside(self, place: int, turn_rad: float) -> Innovation:
         """Return the innovation at a place that the filter does not hold, rather too wide."""
-        (x, y, theta), (far, heading) = self.filter.locate_outside(place)
+        (x, y, theta), (far, heading) = self.filter.town.locate(place)
         turn = (self.pose[2] - theta - turn_rad + math.pi) % (2 * math.pi) - math.pi
         spread = 2 * (self.cov + np.diag([far**2, far**2, heading**2]))
         return Innovation((self.pose[0] - x, self.pose[1] - y, turn), spread.tolist())

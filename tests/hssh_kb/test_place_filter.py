@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from symbolic_walks import Eyes, make_grid, observe, walk_randomly
 
-from hssh_kb import place_filter, walk_graph
+from hssh_kb import town, walk_graph
 from hssh_kb.experience import Displacement
 from hssh_kb.map_tree import score_hypothesis
 from hssh_kb.place_filter import PlaceFilter
@@ -37,8 +37,8 @@ def _follow(truth):
 
 
 def _shrink(monkeypatch, most=24, around=12):
-    monkeypatch.setattr(place_filter, "MOST_PLACES", most)
-    monkeypatch.setattr(place_filter, "_AROUND", around)
+    monkeypatch.setattr(town, "MOST_PLACES", most)
+    monkeypatch.setattr(town, "_AROUND", around)
 
 
 def test_small_worlds_are_held_whole():
