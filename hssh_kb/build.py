@@ -234,7 +234,9 @@ def settings_for(doors: Doors, min_gateway_m: float = 0.0) -> PlaceSettings:
     if doors == "ignore":
         return settings
     if doors == "keep":
-        return replace(settings, min_frontier_m=0.5, min_depth_m=0.5, robot_radius_m=0.3)
+        return replace(
+            settings, min_frontier_m=0.5, min_depth_m=0.5, robot_radius_m=0.3, door_share=0.0
+        )
     raise UsageError(f"doors={doors!r}: use 'keep' or 'ignore'")
 
 

@@ -25,6 +25,10 @@ from perception.topology import LocalTopology
 _WIDER = 1.2
 """Gateways so many times wider than the narrowest frontier that counts are no doors left ajar."""
 
+_SEEN_FAR, _SEEN_SPREAD = 2.0, 0.35
+"""A way seen so many times the least depth straight on is even odds: an alcove is no deeper; and
+how fast the odds grow with what is seen."""
+
 _STARTS = np.linspace(0.1, 0.9, 9)
 """Shares of the width of a gateway from which one looks out of it."""
 
@@ -62,14 +66,18 @@ def _confide(
     """Return the probability that a way leads out of a gateway."""
     if gateway.frontier_px <= 0 or is_crossed(gateway, way_px):
         return 1.0
-    depth = gateway.depth_px
+    depth, seen = gateway.depth_px, see_through(gateway, free)
     if gateway.width_px >= _WIDER * min_frontier_px:
-        depth = max(depth, see_through(gateway, free))
-    return rate_way(gateway.frontier_px, depth, min_frontier_px, min_depth_px)
+        depth = max(depth, seen)
+    sure = rate_way(gateway.frontier_px, depth, min_frontier_px, min_depth_px)
+    if min_depth_px > 0:
+        over = (seen / min_depth_px - _SEEN_FAR) / _SEEN_SPREAD
+        sure /= 1.0 + math.exp(-min(over, 60.0))
+    return sure
 
 
 def see_through(gateway: Gateway, free: Mask) -> float:
-    """Return how far free cells go on straight out of a gateway, in cells.
+    """Return how far free cells go on straight out of a gateway, in cells; off the grid, for ever.
 
     Parameters
     ----------
@@ -82,6 +90,6 @@ def see_through(gateway: Gateway, free: Mask) -> float:
     points = starts[:, None] + steps[None, :, None] * ahead
     x, y = np.rint(points).astype(int).transpose(2, 0, 1)
     height, width = free.shape
-    on = (x >= 0) & (y >= 0) & (x < width) & (y < height)
-    on &= free[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)]
+    off = (x < 0) | (y < 0) | (x >= width) | (y >= height)
+    on = off | free[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)]
     return float(np.where(on.all(axis=1), len(steps), np.argmin(on, axis=1)).max())

@@ -57,6 +57,7 @@ class Gateway:
     anchor_px : the wall point that fixed it, if one did; it may be virtual.
     path_type : of the directed local-path that leaves here; see :mod:`perception.path_types`.
     opposite_type : of its opposite, where that cannot be travelled: ``"DEADEND"`` or ``"NONE"``.
+    neck_px : width of the narrowest spot from here to as far beyond as the gateway is wide.
     """
 
     centre_px: Point
@@ -70,6 +71,7 @@ class Gateway:
     anchor_px: Point | None = None
     path_type: str = ""
     opposite_type: str = ""
+    neck_px: float = math.inf
 
 
 def find_gateway(
@@ -261,6 +263,8 @@ def _as_gateway(
     dx, dy = math.cos(heading_rad), math.sin(heading_rad)
     ends = ((x + dy * radius, y - dx * radius), (x - dy * radius, y + dx * radius))
     depth = arm.depth_px - float(branch.steps_px[place]) if arm.depth_px else 0.0
+    ahead = branch.steps_px[place:] - branch.steps_px[place]
+    neck = 2 * float(branch.radius_px[place:][ahead <= 2 * radius].min())
     kind = "midline"
     if branch.left[place] == OPEN or branch.right[place] == OPEN:
         kind = "rightwall" if branch.left[place] == OPEN else "leftwall"
@@ -275,6 +279,7 @@ def _as_gateway(
         kind,
         anchor,
         tell_path_type(branch, place),
+        neck_px=neck,
     )
 
 

@@ -18,12 +18,10 @@ import numpy as np
 from perception.errors import InputError
 from perception.gateways import Gateway
 from perception.geometry import Array
-from perception.grid import OCCUPIED, Image, classify
+from perception.grid import OCCUPIED, Image
 from perception.topology import LocalTopology
 
 Doors = Literal["keep", "ignore"]
-
-_NECK_M = 1.0
 
 
 @dataclass(frozen=True)
@@ -36,6 +34,8 @@ class Level:
     min_width_m : narrower gateways do not count.
     min_frontier_m : nor those that lead only to narrower frontiers.
     min_depth_m : nor those that lead less far.
+    door_share, door_m : nor those narrower than both ``door_m`` and this share of the path that
+        the robot came and went by: a door is narrower than the corridor it opens from.
 
     Raises
     ------
@@ -52,17 +52,22 @@ class Level:
     (False, True, False)
     >>> Level(doors="keep").admits(0.9, is_door=True)
     True
+    >>> half = Level(door_share=0.5)
+    >>> half.admits(0.9, path_m=2.0), half.admits(0.9, path_m=1.6), half.admits(1.4, path_m=5.0)
+    (False, True, True)
     """
 
     doors: Doors = "ignore"
     min_width_m: float = 0.0
     min_frontier_m: float = 0.0
     min_depth_m: float = 0.0
+    door_share: float = 0.0
+    door_m: float = 1.3
 
     def __post_init__(self) -> None:
         if self.doors not in ("keep", "ignore"):
             raise InputError(f"doors={self.doors!r}: expected 'keep' or 'ignore'")
-        for name in ("min_width_m", "min_frontier_m", "min_depth_m"):
+        for name in ("min_width_m", "min_frontier_m", "min_depth_m", "door_share", "door_m"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0):
                 raise InputError(f"{name} is {value}; expected metres, zero or more")
@@ -74,6 +79,7 @@ class Level:
         depth_m: float = math.inf,
         *,
         is_door: bool = False,
+        path_m: float = 0.0,
     ) -> bool:
         """Tell whether a gateway counts.
 
@@ -81,11 +87,12 @@ class Level:
         ----------
         width_m, frontier_m, depth_m : of the gateway; infinite where not known.
         is_door : whether it is known to be a door.
+        path_m : width of the path it opens from; 0 where not known.
         """
         if is_door and self.doors == "ignore":
             return False
         return (
-            width_m >= self.min_width_m
+            width_m >= max(self.min_width_m, min(self.door_share * path_m, self.door_m))
             and frontier_m >= self.min_frontier_m
             and depth_m >= self.min_depth_m
         )
@@ -93,7 +100,8 @@ class Level:
     @property
     def admits_all(self) -> bool:
         """Whether no limit is set."""
-        return max(self.min_width_m, self.min_frontier_m, self.min_depth_m) <= 0
+        limits = self.min_width_m, self.min_frontier_m, self.min_depth_m, self.door_share
+        return max(limits) <= 0
 
 
 def close_gateways(
@@ -121,16 +129,18 @@ def close_gateways(
     Ours. What lies behind a shut gateway is no part of the place any more: what was a crossing may
     be a bare path, a dead end may turn up behind it.
     """
-    widths_px = measure_necks(image, topology, _NECK_M / resolution_m)
+    driven = [g for g in topology.gateways if way_px is not None and is_crossed(g, way_px)]
+    path_m = min((g.neck_px for g in driven), default=0.0) * resolution_m
     shut = [
         g
-        for g, width_px in zip(topology.gateways, widths_px, strict=True)
-        if not level.admits(
-            width_px * resolution_m,
+        for g in topology.gateways
+        if g not in driven
+        and not level.admits(
+            g.neck_px * resolution_m,
             g.frontier_px * resolution_m if g.frontier_px > 0 else math.inf,  # a loop
             g.depth_px * resolution_m if g.frontier_px > 0 else math.inf,
+            path_m=path_m,
         )
-        and not (way_px is not None and is_crossed(g, way_px))
     ]
     if not shut:
         return None
@@ -139,34 +149,6 @@ def close_gateways(
         one, other = (tuple(round(v) for v in end) for end in gateway.ends_px)
         cv2.line(closed, one, other, OCCUPIED, 1)
     return closed
-
-
-def measure_necks(image: Image, topology: LocalTopology, reach_px: float) -> list[float]:
-    """Return how wide the way out of each gateway is where it is narrowest, in cells.
-
-    Parameters
-    ----------
-    image : (H, W) uint8, what the topology was found in.
-    reach_px : how far beyond a gateway one looks: an anchor may lie a little before the door.
-
-    Source
-    ------
-    Ours.
-    """
-    clearance = cv2.distanceTransform(
-        (~classify(image).occupied).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE
-    )
-    points = topology.skeleton_px
-    x, y = np.rint(points).astype(int).T
-    radius = clearance[np.clip(y, 0, len(image) - 1), np.clip(x, 0, image.shape[1] - 1)]
-    necks = []
-    for g in topology.gateways:
-        gap = points - g.centre_px
-        ahead = gap @ np.array([math.cos(g.outward_rad), math.sin(g.outward_rad)])
-        near = (np.hypot(*gap.T) <= reach_px) & (ahead > -1.5)
-        narrowest = 2.0 * float(radius[near].min()) if near.any() else math.inf
-        necks.append(min(narrowest, g.width_px))
-    return necks
 
 
 def is_crossed(gateway: Gateway, way_px: Array | Sequence[tuple[float, float]]) -> bool:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.errors import InputError
+from perception.geometry import Array
 from perception.grid import Cells, Mask
 
 Index = NDArray[np.int64]
@@ -75,6 +76,7 @@ def find_region(
     radius_px: float,
     min_frontier_px: float,
     island_px: float,
+    way_px: Array | None = None,
 ) -> Region:
     """Find the region a robot can pass, from where it stands.
 
@@ -87,6 +89,8 @@ def find_region(
         this side does not fit into, which is filled as free.
     island_px : groups of cells that are not free, do not touch the border and are smaller than
         this in both directions become free.
+    way_px : (n, 2) columns and rows the robot drove by, in order, if it did: where it has been it
+        can pass, however narrow that looks.
 
     Raises
     ------
@@ -97,7 +101,7 @@ def find_region(
     Beeson 2008, 6.1.1: islands, bleeding, exits; the arcs are ours.
     """
     occupied, unknown = _clean(cells, radius_px, min_frontier_px, island_px)
-    inside, start = _reach(occupied, unknown, radius_px, robot_px)
+    inside, start = _reach(occupied, unknown, radius_px, robot_px, way_px)
     bled = max(radius_px - 1.0, 0.0)
     near_wall = _touches(occupied, 2 * round(bled) + 3)
     frontier = _touches(unknown, 5, border=True) & ~near_wall
@@ -170,7 +174,11 @@ def _stands_free(occupied: Mask, unknown: Mask) -> bool:
 
 
 def _reach(
-    occupied: Mask, unknown: Mask, radius_px: float, robot_px: tuple[float, float]
+    occupied: Mask,
+    unknown: Mask,
+    radius_px: float,
+    robot_px: tuple[float, float],
+    way_px: Array | None,
 ) -> tuple[Mask, tuple[int, int]]:
     """Return the cells joined to the robot by a way its body fits, and its cell there.
 
@@ -181,6 +189,11 @@ def _reach(
     if radius_px > 1.5:
         distance = cv2.distanceTransform((~occupied).view(np.uint8), cv2.DIST_L2, 5)
         wide[np.asarray(distance < radius_px)] = 0
+    if way_px is not None and len(way_px) > 1:
+        way = np.zeros_like(wide)
+        corners = np.rint(way_px).astype(np.int32)
+        cv2.polylines(way, [corners], isClosed=False, color=1, lineType=cv2.LINE_4)
+        wide[(way > 0) & ~unknown] = 1
     start = _stand(wide, occupied, robot_px, radius_px)
     cv2.floodFill(wide, None, start, 2, flags=4)
     return _grow((wide == 2).view(np.uint8), 3).view(bool), start

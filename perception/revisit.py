@@ -14,7 +14,7 @@ from perception.lpm import LocalMap
 from perception.scanlog import ScanLog
 from perception.sightings import PlaceSettings, Sighting, read_topology
 
-REACH_M = 7.0
+REACH_M = 10.0
 """Scans taken nearer than this to the centre, without a break, make the map."""
 
 MOST_SCANS = 80

@@ -48,6 +48,7 @@ class PlaceSettings:
         looked for (corridors, or doors too).
     min_gateway_m : a narrower gateway, once found, does not count, unless the robot drives through
         it (the *level*; see :mod:`perception.level`).
+    door_share : nor does one narrower than this share of the path, which is a door.
     vote_m : a reading taken this far from the centre has its vote lowered to 61 %.
     runner_up : readings of the star with a smaller share of the votes are dropped.
     max_readings : how many readings of one star are kept.
@@ -64,6 +65,7 @@ class PlaceSettings:
     min_frontier_m: float = 0.9
     min_depth_m: float = 1.0
     min_gateway_m: float = 0.0
+    door_share: float = 0.56
     vote_m: float = 1.5
     runner_up: float = 0.04
     max_readings: int = 6
@@ -191,7 +193,7 @@ def _read(
     image: Image, robot_px: tuple[float, float], way_px: Array, settings: PlaceSettings
 ) -> LocalTopology:
     """Return the local topology at the level of the settings."""
-    level = Level(min_width_m=settings.min_gateway_m)
+    level = Level(min_width_m=settings.min_gateway_m, door_share=settings.door_share)
     for _ in range(_MOST_SHUT):
         topology = local_topology(
             image,
@@ -201,6 +203,7 @@ def _read(
             min_frontier_m=settings.min_frontier_m,
             min_depth_m=settings.min_depth_m,
             denoise=False,
+            way_px=way_px,
         )
         closed = None
         if not level.admits_all:

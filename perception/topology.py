@@ -96,6 +96,7 @@ def local_topology(
     midline_px: float | None = None,
     island_px: float | None = None,
     denoise: bool = True,
+    way_px: Array | None = None,
 ) -> LocalTopology:
     """Find the gateways around a robot and the star they form.
 
@@ -117,6 +118,7 @@ def local_topology(
     midline_px : M, beyond which the skeleton follows walls; a fifth of the smaller side by default.
     island_px : islands smaller than this are ignored; M by default.
     denoise : estimate the share of flipped cells and mend them.
+    way_px : (n, 2) points the robot drove by, in order; where it has been it can pass.
 
     Returns
     -------
@@ -154,6 +156,7 @@ def local_topology(
         radius_px=scale["radius"],
         min_frontier_px=scale["frontier"],
         island_px=island_px if island_px is not None else midline,
+        way_px=way_px,
     )
     region, skeleton = _find_skeleton(region, midline, scale["depth"])
     if not _leads_anywhere(skeleton):
