@@ -18,6 +18,7 @@ from hssh_kb.basic_tree import BasicTree
 from hssh_kb.errors import InputError, UsageError
 from hssh_kb.experience import Experience
 from hssh_kb.solver import Symbol, solve_all
+from hssh_kb.text_files import parse_json, read_text
 from hssh_kb.theory import axiom_program, read_programs
 from hssh_kb.trace import SCHEMA
 from hssh_kb.variant import list_changes
@@ -73,11 +74,8 @@ def load_basic_trace(path: str | Path) -> BasicExperience:
     ------
     InputError : it cannot be read or breaks the format; all faults at once.
     """
-    path = Path(path)
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
-        raise InputError(f"{path}: not a readable JSON file ({error})") from None
+    expected = f"a basic trace (JSON, schema {SCHEMA})"
+    data = parse_json(read_text(path, expected), str(path), expected)
     return basic_experience_from_data(data, str(path))
 
 

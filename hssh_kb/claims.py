@@ -5,7 +5,6 @@ Source: ours.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
@@ -16,8 +15,10 @@ from hssh_kb.check import Check, check
 from hssh_kb.consistency import MapState
 from hssh_kb.errors import InputError
 from hssh_kb.experience import Experience, hold_types
+from hssh_kb.text_files import parse_json, read_text
 from hssh_kb.variant import Variant
 
+_EXPECTED = "a document of schema hssh.maps/1 ('hssh maps --json')"
 _MOST_STEPS = 30_000
 """At most so many ways to turn and to read the stars of a claimed map are tried."""
 _HINTS = "offsets", "readings"
@@ -52,16 +53,10 @@ def read_claim(path: str | Path, number: int = 1) -> Claim:
     ------
     InputError : the file cannot be read or breaks the format, or holds no such map.
     """
-    path = Path(path)
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: not valid JSON ({error}); is the file complete?") from None
+    data = parse_json(read_text(path, _EXPECTED), str(path), _EXPECTED)
     maps = data.get("maps") if isinstance(data, dict) else None
     if not isinstance(maps, list) or data.get("schema") != "hssh.maps/1":
-        raise InputError(f"{path}: expected a document of schema hssh.maps/1 ('hssh maps --json')")
+        raise InputError(f"{path}: expected {_EXPECTED}")
     if not 1 <= number <= len(maps):
         raise InputError(f"{path}: there is no map {number}, it holds {len(maps)}")
     row, where = maps[number - 1], f"{path}: map {number}"

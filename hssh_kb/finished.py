@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -15,12 +14,14 @@ from hssh_kb.facts import experience_to_facts
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.program import blame_variant
 from hssh_kb.solver import Symbol, Term, parse_facts, read_term, solve_best
+from hssh_kb.text_files import parse_json, read_text
 from hssh_kb.theory import axiom_program, find_axiom, list_axioms, read_messages, read_programs
 from hssh_kb.variant import Variant
 from perception.errors import InputError as StarError
 from perception.star import Dlp, star_faults
 
 MAP_SCHEMA = "hssh.map/1"
+_EXPECTED = "a map drawn by hand (JSON of schema hssh.map/1, or facts)"
 _NEEDS_VISITS = ("star_isomorphism", "path_types")
 _NEEDS_VIEWS = ("view_function",)
 _INPUTS = {
@@ -67,20 +68,10 @@ def check_map(path: str | Path, variant: Variant | None = None) -> tuple[Finding
     ------
     InputError : the file cannot be read or breaks the format; all faults at once.
     """
-    path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: byte {error.start} is not UTF-8 text") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    text = read_text(path, _EXPECTED)
     if not text.lstrip("\ufeff \t\r\n").startswith(("{", "[")):
         return check_map_facts(text, str(path), variant)
-    try:
-        data = json.loads(text)
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise InputError(f"{path}: not valid JSON ({error}); is the file complete?") from None
-    return check_map_data(data, str(path), variant)
+    return check_map_data(parse_json(text, str(path), _EXPECTED), str(path), variant)
 
 
 def check_map_facts(

@@ -5,7 +5,6 @@ Source: the format is ours.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -23,9 +22,11 @@ from hssh_kb.experience import (
     default_covariance,
     read_matches,
 )
+from hssh_kb.text_files import parse_json, read_text
 from perception.star import Dlp, Star, star_faults
 
 SCHEMA = "hssh.trace/1"
+_EXPECTED = f"a trace (JSON, schema {SCHEMA})"
 _ANY_HEADING_RAD2 = math.pi**2 / 3  # variance of a heading of which nothing is known
 _VISIT_KEYS = {
     *("star", "arrive", "depart", "name", "displacement", "alternatives"),
@@ -59,20 +60,7 @@ def load_trace(path: str | Path) -> Experience:
     ------
     InputError : the file cannot be read, is not JSON, or breaks the format; all faults at once.
     """
-    path = Path(path)
-    if path.is_dir():
-        raise InputError(f"{path}: is a directory; give a trace file (JSON, schema {SCHEMA})")
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"{path}: byte {error.start} is not UTF-8 text; a trace is a JSON file"
-        ) from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    return parse_trace(text, source=str(path))
+    return parse_trace(read_text(path, _EXPECTED), source=str(path))
 
 
 def parse_trace(text: str, source: str = "trace") -> Experience:
@@ -90,18 +78,7 @@ def parse_trace(text: str, source: str = "trace") -> Experience:
     >>> parse_trace(text).visits[1].arrive
     3
     """
-    if not text.strip():
-        raise InputError(f"{source}: is empty; expected a JSON document of schema {SCHEMA}")
-    try:
-        data = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise InputError(
-            f"{source}:{error.lineno}:{error.colno}: not valid JSON ({error.msg}); "
-            "is the file complete?"
-        ) from None
-    except RecursionError:
-        raise InputError(f"{source}: JSON nested too deeply for a trace") from None
-    return experience_from_data(data, source)
+    return experience_from_data(parse_json(text, source, _EXPECTED), source)
 
 
 def experience_from_data(data: Any, source: str = "trace") -> Experience:  # noqa: ANN401

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from hssh_kb.errors import InputError, UsageError
 from hssh_kb.solver import check_rules
+from hssh_kb.text_files import read_text
 from hssh_kb.theory import (
     Axiom,
     axiom_directory,
@@ -225,12 +226,7 @@ def read_variant(
 
 
 def _load_rules(path: Path) -> str:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: byte {error.start} is not UTF-8 text") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    text = read_text(path, "rules of a logic program")
     try:
         check_rules(text)
     except ValueError as error:
