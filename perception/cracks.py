@@ -67,8 +67,14 @@ class Cracks:
     right: Index
 
 
-def measure_field(region: Region, midline_px: float) -> Field:
-    """Measure how far the walls of a region are, and which is nearest; M is ``midline_px``."""
+def measure_field(region: Region, midline_px: float, kernels: Kernels | None = None) -> Field:
+    """Measure how far the walls of a region are, and which is nearest.
+
+    Parameters
+    ----------
+    midline_px : M.
+    kernels : compiled loops to do it with, if any.
+    """
     left, top, width, height = cv2.boundingRect(region.inside.view(np.uint8))
     inside = region.inside[top : top + height, left : left + width]
     walls = region.walls - np.array([left, top])
@@ -76,8 +82,12 @@ def measure_field(region: Region, midline_px: float) -> Field:
     first_open = int(region.arc.max()) + 2
     level = midline_px - region.radius_px - 0.5
     kind = np.uint16 if first_open + inside.size // 9 < 2**16 else np.int32
-    face = np.take((region.arc + 1).astype(kind)[wall_of_label], label, mode="clip")
-    face *= inside
+    face_of_label = (region.arc + 1).astype(kind)[wall_of_label]
+    if kernels is not None:
+        face = kernels.spread_faces(face_of_label, label, inside)
+    else:
+        face = np.take(face_of_label, label, mode="clip")
+        face *= inside
     _mark_open(face, inside, distance, level, first_open)
     return Field(left, top, distance, label, wall_of_label, face, first_open, level)
 

@@ -148,7 +148,7 @@ def build_skeleton(region: Region, *, midline_px: float) -> Skeleton:
     if not len(region.walls):
         return Skeleton()
     kernels = get_kernels()
-    cracks = find_cracks(region, measure_field(region, midline_px), kernels)
+    cracks = find_cracks(region, measure_field(region, midline_px, kernels), kernels)
     return trace_branches(region, cracks, kernels)
 
 

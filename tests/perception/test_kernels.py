@@ -31,6 +31,7 @@ def region_of(name: str, turn: int, side: int, noise: float) -> Region:
 
 
 class PlainLoops:
+    spread_faces = staticmethod(kernels.spread_faces)
     cross_faces = staticmethod(kernels.cross_faces)
     follow_chains = staticmethod(kernels.follow_chains)
 
@@ -47,6 +48,7 @@ def test_loops_find_the_same_cracks_and_chains_as_arrays(name: str) -> None:
     for turn, side, noise, midline in ((0, 60, 0.0, 9.0), (20, 75, 0.04, 30.0)):
         region = region_of(name, turn, side, noise)
         field = measure_field(region, midline)
+        assert (measure_field(region, midline, PlainLoops()).face == field.face).all()  # type: ignore[arg-type]
         cracks = find_cracks(region, field)
         assert len(cracks.radius_px) > 20
         assert same(cracks, find_cracks(region, field, PlainLoops()))  # type: ignore[arg-type]
