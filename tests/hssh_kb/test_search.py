@@ -1,6 +1,10 @@
 """The best-first search: right, complete, never empty-handed, the same every time."""
 
+import json
 import math
+import os
+import subprocess
+import sys
 from dataclasses import replace
 from itertools import count
 
@@ -15,7 +19,7 @@ from hssh_kb.map_tree import score_hypothesis
 from hssh_kb.maps import enumerate_maps
 from hssh_kb.score import TERMS, estimate_score
 from hssh_kb.search import search_maps
-from hssh_kb.trace import make_experience
+from hssh_kb.trace import experience_to_data, make_experience
 from hssh_kb.tree_search import TreeOfMaps
 
 
@@ -137,6 +141,19 @@ def test_the_same_input_gives_the_same_answer():
     one, two = search_maps(truth.experience), search_maps(truth.experience)
     assert one == two
     assert [m.terms for m in one.maps] == [m.terms for m in two.maps]
+
+
+def test_the_answer_does_not_depend_on_how_sets_are_hashed(tmp_path):
+    truth = _walk(12, (5, 4), 40, ROBOT, walker=explore)
+    trace = tmp_path / "walk.json"
+    trace.write_text(json.dumps(experience_to_data(truth.experience)))
+    told = set()
+    for seed in "12":
+        ask = [sys.executable, "-m", "hssh_kb", "maps", str(trace), "--json"]
+        env = {**os.environ, "PYTHONHASHSEED": seed}
+        told.add(subprocess.run(ask, env=env, capture_output=True, check=True).stdout)
+    assert len(told) == 1
+    assert b"hssh.maps/1" in told.pop()
 
 
 def test_visits_may_arrive_one_by_one():
