@@ -125,7 +125,7 @@ def check_map_data(
     return _find_violations(text, ("finished", "entailed"), variant)
 
 
-def check_claim(experience: Experience, hypothesis: Hypothesis) -> tuple[Finding, ...]:
+def check_hypothesis(experience: Experience, hypothesis: Hypothesis) -> tuple[Finding, ...]:
     """Test a claimed map of an experience: which visit is which place.
 
     Raises

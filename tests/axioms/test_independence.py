@@ -9,7 +9,7 @@ import worlds
 
 from hssh_kb.basic import BasicExperience, basic_facts
 from hssh_kb.facts import experience_to_facts
-from hssh_kb.finished import check_claim, check_map_facts, claim_to_facts
+from hssh_kb.finished import check_hypothesis, check_map_facts, claim_to_facts
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.solver import is_satisfiable, solve_best
 from hssh_kb.theory import axiom_program, list_axioms, read_messages, read_programs
@@ -126,7 +126,7 @@ def test_facts_break_only_this_axiom(clause):
 
 @pytest.mark.parametrize("clause", sorted(CLAIMS), ids=":".join)
 def test_claimed_map_breaks_only_this_axiom(clause):
-    findings = check_claim(*CLAIMS[clause])
+    findings = check_hypothesis(*CLAIMS[clause])
     assert broken(findings) == {clause[0]}
     assert clause in clauses(findings)
 
@@ -170,7 +170,7 @@ def test_no_visit_of_a_witness_can_be_spared(clause):
     for count in range(1, len(experience)):
         begun = replace(experience, visits=experience.visits[:count])
         assert (
-            check_claim(
+            check_hypothesis(
                 begun, Hypothesis(*(x[:count] for x in (hypothesis.visits, hypothesis.offsets)))
             )
             == ()
@@ -208,5 +208,5 @@ def test_messages_agree_with_the_clauses():
 
 def test_good_maps_satisfy_every_axiom():
     walk = make_experience([(PLUS, None, 0), TURN, (PLUS, 3, None)])
-    assert check_claim(walk, Hypothesis((0, 1, 0), (0, 0, 0))) == ()
+    assert check_hypothesis(walk, Hypothesis((0, 1, 0), (0, 0, 0))) == ()
     assert check_map_facts(WHOLE) == ()
