@@ -48,9 +48,9 @@ def parse_json(text: str, source: str, expected: str) -> Any:  # noqa: ANN401
 
     Examples
     --------
-    >>> parse_json('[1,', "a.json", "a trace")
+    >>> parse_json('[1,', "a", "")
     Traceback (most recent call last):
-    perception.errors.InputError: a.json:1:4: not valid JSON (Expecting value); is the file complete?
+    perception.errors.InputError: a:1:4: not valid JSON (Expecting value); is the file complete?
     """
     if not text.strip():
         raise InputError(f"{source}: is empty; expected {expected}")
