@@ -20,7 +20,11 @@ from hssh_kb.map_tree import MapTree
 from hssh_kb.node import Node
 
 SURPRISE_NATS = 4.0
-"""A closure so much more probable than the new place that a map makes of a visit is called for."""
+"""A closure so much more probable than the new place that a map makes of a visit is called for.
+
+Of many places a few do lie very near others: over the whole walk it takes so much more than chance
+explains.
+"""
 
 STRAIN_NATS = 12.5
 """A closure this much less probable than a new place is five standard deviations off."""
@@ -60,13 +64,18 @@ def find_contradiction(experience: Experience, tree: MapTree, lead: Node) -> Con
 
     Returns
     -------
-    Contradiction or None : None if there is no such visit, or no axiom refuses the closure.
+    Contradiction or None : None if there is no such visit, or no axiom refuses the closure, or
+        so many places as there are may well hold a few that lie that near each other.
 
     Source
     ------
     Ours.
     """
-    for node, first, surprise in _list_surprises(tree, lead):
+    surprises = list(_list_surprises(tree, lead))
+    chance = math.log(lead.places)
+    if sum(max(surprise - chance, 0.0) for *_, surprise in surprises) < SURPRISE_NATS:
+        return None
+    for node, first, surprise in surprises:
         visit = node.visit
         seen = replace(experience, visits=experience.visits[: visit + 1])
         there = [v for v in _list_visits(node, first) if v != first][:_MOST_COMPANIONS]

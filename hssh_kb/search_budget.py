@@ -57,9 +57,9 @@ def allow_work(visits: int, slip: float) -> int:
 
     Examples
     --------
-    >>> allow_work(70, 0.05) < allow_work(150, 0.05) < allow_work(150, 0.0)
+    >>> allow_work(70, 0.05) < allow_work(150, 0.05) < allow_work(150, 0.0) < allow_work(2000, 0.0)
     True
     """
     if slip == 0:
-        return _WORK_WITHOUT_SLIPS
+        return max(_WORK_WITHOUT_SLIPS, _WORK_PER_VISIT * visits)
     return max(_WORK_AT_LEAST, _WORK_PER_VISIT * visits)
