@@ -39,7 +39,7 @@ class FloorPlace:
 
     Attributes
     ----------
-    centre_m : its middle, in the map frame.
+    centre_m : where its paths meet, in the map frame.
     clearance_m : distance to the nearest obstacle there.
     kind : see :data:`perception.floor_places.PlaceKind`.
     gateways : by index.
@@ -47,6 +47,7 @@ class FloorPlace:
         ``gateways``, the headings are in the map frame, radians counter-clockwise. Those of weight
         0 are the best one with a path or two broken off at the place.
     names : names of the rooms it lies in.
+    base_m : the junctions of the skeleton, or the one other point of it, that make it up.
     """
 
     centre_m: Point
@@ -55,6 +56,7 @@ class FloorPlace:
     gateways: tuple[FloorGateway, ...]
     readings: tuple[StarReading, ...]
     names: tuple[str, ...] = ()
+    base_m: tuple[Point, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

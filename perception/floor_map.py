@@ -18,7 +18,7 @@ from perception.errors import InputError
 from perception.floor_crossings import add_crossings
 from perception.floor_graph import FloorEdge, FloorGateway, FloorMap, FloorPlace, Point
 from perception.floor_level import FloorDoors, choose_closed, close_gateways
-from perception.floor_places import PlaceNodes, find_places, holds_point
+from perception.floor_places import PlaceNodes, find_middle, find_places, holds_point
 from perception.floor_pruning import open_loops, prune_shallow
 from perception.floor_skeleton import build_floor_skeleton
 from perception.floor_space import FloorSettings, FloorSpace, find_floor_space
@@ -28,6 +28,9 @@ from perception.geometry import Array
 from perception.grid import Frame, Image
 from perception.skeleton import Branch, Skeleton
 from perception.skeleton_graph import SkeletonGraph
+
+HALL = 1.5
+"""A gateway wider than so many times M lies in a hall."""
 
 
 def explore_floor(
@@ -78,17 +81,17 @@ def explore_floor(
     )
     if not skeleton.branches:
         raise InputError(
-            f"the free space around ({', '.join(f'{v:.2f}' for v in _middle(space, frame))}) m "
+            f"the free space around ({', '.join(f'{v:.2f}' for v in _start(space, frame))}) m "
             "is one room without a way to go; there is nothing to explore"
         )
     survey = _Survey(space, skeleton, frame)
     if doors != "keep" or min_gateway_m:
         survey.close(doors, min_gateway_m, start_px)
     survey.tidy(settings.midline_m)
-    return survey.describe(rooms_m or {})
+    return survey.describe(rooms_m or {}, settings.midline_m)
 
 
-def _middle(space: FloorSpace, frame: Frame) -> list[float]:
+def _start(space: FloorSpace, frame: Frame) -> list[float]:
     point = space.to_map(np.array(space.region.start, float))
     return [float(v) for v in frame.to_metres(point)]
 
@@ -133,7 +136,7 @@ class _Survey:
         prune_shallow(self.graph, self.space.resolution_m)
         add_crossings(self.graph, self.space, midline_m=midline_m)
 
-    def describe(self, rooms_m: Mapping[str, Sequence[Array]]) -> FloorMap:
+    def describe(self, rooms_m: Mapping[str, Sequence[Array]], midline_m: float) -> FloorMap:
         """Return the place graph."""
         polygons = {
             name: [self._to_crop(polygon) for polygon in parts] for name, parts in rooms_m.items()
@@ -146,7 +149,7 @@ class _Survey:
             rooms_px=[polygon for parts in polygons.values() for polygon in parts],
         )
         place_of = {node: k for k, place in enumerate(found) for node in place.nodes}
-        arms = _Arms(self, found, place_of)
+        arms = _Arms(self, found, place_of, HALL * midline_m / self.space.resolution_m)
         places = [arms.describe_place(k, polygons) for k in range(len(found))]
         edges = arms.list_edges()
         points = [b.points_px for b in self.graph.branches.values()]
@@ -191,9 +194,15 @@ class _Arms:
     """The branches as arms of places: gateways, stars and edges."""
 
     def __init__(
-        self, survey: _Survey, places: Sequence[PlaceNodes], place_of: Mapping[int, int]
+        self,
+        survey: _Survey,
+        places: Sequence[PlaceNodes],
+        place_of: Mapping[int, int],
+        hall_px: float,
     ) -> None:
         self.survey, self.places, self.place_of = survey, places, place_of
+        self.hall_px = hall_px
+        self.middles: dict[int, Array] = {}
         self.arms: list[list[tuple[int, bool]]] = [[] for _ in places]
         self.ways: list[int] = []
         self.gateway_of: dict[tuple[int, bool], int] = {}
@@ -214,14 +223,11 @@ class _Arms:
             inside |= np.hypot(*(points_px - here.point_px).T) <= here.radius_px
         return inside
 
-    def _centre(self, k: int) -> Array:
-        nodes = [self.survey.graph.nodes[node].point_px for node in self.places[k].nodes]
-        return np.asarray(np.array(nodes).mean(axis=0))
-
     def describe_place(self, k: int, rooms_px: Mapping[str, Sequence[Array]]) -> FloorPlace:
         """Return a place with its gateways and star."""
         survey, place = self.survey, self.places[k]
-        centre = self._centre(k)
+        nodes = [survey.graph.nodes[node] for node in place.nodes]
+        base, radii = np.array([n.point_px for n in nodes]), np.array([n.radius_px for n in nodes])
         pixel, kinds = list[Gateway](), list[GatewayKind]()
         for number, (way, forward) in enumerate(self.arms[k]):
             branch = survey.graph.branches[way]
@@ -229,7 +235,10 @@ class _Arms:
             pixel.append(gateway)
             kinds.append(kind)
             self.gateway_of[way, forward] = number
-        readings = _read_with_breaks(pixel, (float(centre[0]), float(centre[1])))
+        x, y = base.mean(axis=0).tolist()
+        readings = _read_with_breaks(pixel, (x, y))
+        lines = pixel if place.kind != "room" else ()
+        middle = self.middles[k] = find_middle(base, radii, lines, self.hall_px)
         gateways = tuple(
             FloorGateway(
                 survey.to_point(g.centre_px),
@@ -240,14 +249,14 @@ class _Arms:
             )
             for g, kind in zip(pixel, kinds, strict=True)
         )
-        clearance = max(survey.graph.nodes[node].radius_px for node in place.nodes)
         return FloorPlace(
-            survey.to_point((float(centre[0]), float(centre[1]))),
-            clearance * survey.space.resolution_m,
+            survey.to_point((float(middle[0]), float(middle[1]))),
+            float(radii.max()) * survey.space.resolution_m,
             place.kind,
             gateways,
             tuple(_in_map_frame(reading) for reading in readings),
-            _list_names(centre, rooms_px),
+            _list_names((x, y), rooms_px),
+            tuple(survey.to_point(node.point_px) for node in nodes),
         )
 
     def _find_gateway(self, k: int, outward: Branch) -> tuple[Gateway, GatewayKind]:
@@ -283,7 +292,7 @@ class _Arms:
         for way in self.ways:
             branch = self.survey.graph.branches[way]
             one, other = self.place_of[branch.tail], self.place_of[branch.head]
-            points = np.vstack([self._centre(one), branch.points_px, self._centre(other)])
+            points = np.vstack([self.middles[one], branch.points_px, self.middles[other]])
             doors = [cells[x, y] for x, y in branch.points_px.tolist() if (x, y) in cells]
             edges.append(
                 FloorEdge(
@@ -322,8 +331,9 @@ def _in_map_frame(reading: StarReading) -> StarReading:
     return StarReading(reading.star, reading.gateway_out, headings, reading.weight)
 
 
-def _list_names(centre_px: Array, rooms_px: Mapping[str, Sequence[Array]]) -> tuple[str, ...]:
-    point = (float(centre_px[0]), float(centre_px[1]))
+def _list_names(centre_px: Point, rooms_px: Mapping[str, Sequence[Array]]) -> tuple[str, ...]:
     return tuple(
-        name for name, parts in rooms_px.items() if any(holds_point(part, point) for part in parts)
+        name
+        for name, parts in rooms_px.items()
+        if any(holds_point(part, centre_px) for part in parts)
     )

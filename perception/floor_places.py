@@ -11,6 +11,7 @@ from typing import Literal
 import cv2
 import numpy as np
 
+from perception.gateways import Gateway
 from perception.geometry import Array
 from perception.skeleton import Branch, Node
 from perception.skeleton_graph import SkeletonGraph
@@ -22,6 +23,11 @@ _ARM_M = 1.0
 _LEAST_ROOM_M = 1.2
 _CORNERS_APART_M = 2.0
 _PLACE_SIZE = 1.5
+
+_STAY = 0.1
+"""How much the middle of the base points weighs, beside 1 for the line out of a gateway."""
+
+_STEPS = np.linspace(0.0, 1.0, 21)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +88,43 @@ def find_places(
         _settle_in_room(graph, polygon, kinds)
     groups = _group_junctions(graph, kinds, door_cells)
     return tuple(PlaceNodes(nodes, kinds[nodes[0]]) for nodes in groups)
+
+
+def find_middle(
+    base_px: Array, radii_px: Array, gateways: Sequence[Gateway], widest_px: float
+) -> Array:
+    """Return the point of a place nearest to the lines straight into it through its gateways.
+
+    The junctions of the skeleton are drawn aside by niches, and by open space; the axes of the
+    corridors are not.
+
+    Parameters
+    ----------
+    base_px, radii_px : (k, 2), (k,) the base points, and their distance to obstacles.
+    widest_px : gateways wider than this lie in a hall and have no axis.
+
+    Source
+    ------
+    Ours.
+
+    Examples
+    --------
+    >>> north = Gateway((10.0, 0.0), ((9.0, 0.0), (11.0, 0.0)), -math.pi / 2, 2, 2, 9)
+    >>> east = Gateway((20.0, 8.0), ((20.0, 7.0), (20.0, 9.0)), 0.0, 2, 2, 9)
+    >>> find_middle(np.array([[12.0, 6.0]]), np.array([4.0]), [north, east], 5.0).round(1)
+    array([10.2,  7.8])
+    """
+    start = base_px.mean(axis=0)
+    weights, sums = _STAY * np.eye(2), _STAY * start
+    for gateway in gateways:
+        if gateway.width_px > widest_px:
+            continue
+        along = np.array([math.cos(gateway.outward_rad), math.sin(gateway.outward_rad)])
+        across = np.eye(2) - np.outer(along, along)
+        weights, sums = weights + across, sums + across @ gateway.centre_px
+    way = start + _STEPS[:, None] * (np.linalg.solve(weights, sums) - start)
+    inside = (np.hypot(*(way[:, None] - base_px).transpose(2, 0, 1)) <= radii_px).any(axis=1)
+    return np.asarray(way[np.flatnonzero(inside)[-1]] if inside.any() else start)
 
 
 def _split_corners(
