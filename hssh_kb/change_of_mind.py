@@ -185,7 +185,9 @@ def _find_refusal(tree: MapTree, node: Node) -> tuple[int, Refusal | None, float
     if any(one.refusal is None for one in there):
         return state.firsts[place], None, node.score + best
     first = state.firsts[place]
-    refusal = there[0].refusal if there else Refusal("star_isomorphism", (first,))
+    refusal = Refusal("star_isomorphism", (first,))
+    if there:
+        refusal = tree.judge(state, depart, there[0].decision, node.visit + 1)
     return first, refusal, node.score + best
 
 

@@ -12,6 +12,7 @@ Kuipers 2004 as the genus of the rotation system; the incremental forms are ours
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import NamedTuple
 
 from hssh_kb.errors import InputError
@@ -94,6 +95,7 @@ class MapState:
         *,
         order: bool = True,
         planarity: bool = True,
+        explain: bool = True,
     ) -> Refusal | None:
         """Return why no travel can lead from one gateway to another, or None if it can.
 
@@ -103,6 +105,7 @@ class MapState:
         other, gateway : where it ends: place and index of the dlp of the gateway come in by
             (the opposite of the dlp faced).
         order, planarity : which of the axioms to hold it to.
+        explain : name the travels that stand against it.
         """
         start, end = place * _BASE + depart, other * _BASE + gateway
         known = self.joined.get(start)
@@ -113,12 +116,13 @@ class MapState:
         if end in self.joined or start == end:
             return Refusal("reversibility", (self.travel[end],) if end in self.joined else ())
         if order:
-            clash = self._find_order_clash(place, depart, other, gateway)
-            if clash is not None:
-                return Refusal("order", clash)
+            names = self._find_order_clash(place, depart, other, gateway)
+            if names:
+                found = map(self._travels_of_path, names) if explain else ()
+                return Refusal("order", tuple(chain.from_iterable(found)))
         together = self.component[place] == self.component[other]
         if planarity and together and not self._share_face(start, end):
-            return Refusal("planarity", self._trace_face(place, depart))
+            return Refusal("planarity", self._trace_face(place, depart) if explain else ())
         return None
 
     def join(self, place: int, depart: int, other: int, gateway: int, visit: int) -> MapState:
@@ -164,17 +168,17 @@ class MapState:
 
     def _find_order_clash(
         self, place: int, depart: int, other: int, gateway: int
-    ) -> tuple[int, ...] | None:
-        """Return the travels on the two paths if joining them puts a place on its path twice."""
+    ) -> tuple[int, ...]:
+        """Return the names of the paths that cannot be joined: a place would be on one twice."""
         one, two = self._local_path(place, depart), self._local_path(other, gateway)
         name, gone = self.path.get(one, one), self.path.get(two, two)
         if name == gone:
-            return self._travels_of_path(name)
+            return (name,)
         mine = self.on_path.get(name) or frozenset((place,))
         theirs = self.on_path.get(gone) or frozenset((other,))
         if mine.isdisjoint(theirs):
-            return None
-        return self._travels_of_path(name) + self._travels_of_path(gone)
+            return ()
+        return name, gone
 
     def _travels_of_path(self, name: int) -> tuple[int, ...]:
         found = set()
@@ -198,12 +202,19 @@ class MapState:
         Faces are followed from both at once, so a long one costs no more than the way round
         the short one or, if they are the same, the shorter way between the two.
         """
-        one, two = self._step_round(start), self._step_round(end)
-        while one != end and two != start:
+        joined, stars = self.joined, self.stars
+        one, two = start, end
+        while True:
+            place, k = divmod(joined.get(one, one), _BASE)
+            one = place * _BASE + (k + 1) % len(stars[place].dlps)
+            if one == end:
+                return True
+            place, k = divmod(joined.get(two, two), _BASE)
+            two = place * _BASE + (k + 1) % len(stars[place].dlps)
+            if two == start:
+                return True
             if one == start or two == end:
                 return False
-            one, two = self._step_round(one), self._step_round(two)
-        return True
 
     def _trace_face(self, place: int, depart: int) -> tuple[int, ...]:
         """Return the travels round the face that a gateway not travelled yet opens into.

@@ -120,6 +120,8 @@ def propose_repairs(
 
 def _propose_readings(tree: MapTree, node: Node, best: float, fixed: int) -> Iterator[Repair]:
     """Yield the repairs that read a place anew so that the next visit can be it."""
+    if not tree.has_alternatives:
+        return
     state, v = tree.state_of(node), node.visit + 1
     worth = tree.score.expect_closures(tree.predict(state, v))
     held = tree.predict(state, v).filter.places

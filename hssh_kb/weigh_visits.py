@@ -30,6 +30,7 @@ class VisitWeigher:
     Attributes
     ----------
     visits : the visits so far.
+    has_alternatives : some visit has more than one reading.
     work : units of work done so far; see :mod:`hssh_kb.search_budget`.
 
     Source
@@ -41,6 +42,7 @@ class VisitWeigher:
         self.score: Score = score
         self.order, self.planarity = order, planarity
         self.visits: list[Visit] = []
+        self.has_alternatives = False
         self.work = 0
         self._shapes: list[tuple[int, ...]] = []
         self._shape_of: dict[tuple[tuple[int, ...], tuple[int, ...]], int] = {}
@@ -62,6 +64,7 @@ class VisitWeigher:
             if v and reading.arrive is None:
                 raise InputError(f"visit {v}: lacks 'arrive', the dlp faced on arrival")
         self.visits.append(visit)
+        self.has_alternatives |= len(visit.readings) > 1
         said = dict(visit.lpm_matches)
         self._lpm.append((said, max(0.0, *said.values()) if said else 0.0))
         self._shapes.append(tuple(map(self._name_shape, visit.readings)))
@@ -250,7 +253,7 @@ class VisitWeigher:
             turns = self.isomorphisms(v, i, first, read_as)
             for offset in turns:
                 decision = Decision(place, offset, i, False)
-                refusal = self.judge(state, depart, decision, v)
+                refusal = self.judge(state, depart, decision, v, explain=self.score.slip > 0)
                 if refusal is not None and not self.score.slip:
                     yield Option(decision, NOTHING, refusal)
                     continue
@@ -262,9 +265,18 @@ class VisitWeigher:
                     yield Option(doubted, weighed, None)
 
     def judge(
-        self, state: LeafState, depart: int | None, decision: Decision, v: int
+        self,
+        state: LeafState,
+        depart: int | None,
+        decision: Decision,
+        v: int,
+        *,
+        explain: bool = True,
     ) -> Refusal | None:
-        """Return why a travel cannot be taken as decided, None if it can."""
+        """Return why a travel cannot be taken as decided, None if it can.
+
+        Unless asked to explain, the travels that stand against it are not named.
+        """
         if depart is None:
             return None
         return state.judge.find_refusal(
@@ -274,6 +286,7 @@ class VisitWeigher:
             self.enter(v, decision),
             order=self.order,
             planarity=self.planarity,
+            explain=explain,
         )
 
     def weigh_closure(
