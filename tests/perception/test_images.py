@@ -1,5 +1,6 @@
 """Reading image files as grids, mending noise, drawing."""
 
+import itertools
 import struct
 import time
 import zlib
@@ -12,13 +13,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from perception.denoise import estimate_noise, remove_noise
-from perception.draw import draw_topology
+from perception.draw import draw_topology, place_labels, plan_arrows
 from perception.errors import InputError
 from perception.grid import UNKNOWN, classify
 from perception.image_header import read_image_header
 from perception.images import read_grey_image
 from perception.topology import local_topology
-from tests.perception.corpus import PLUS, draw_fine, flip, scale
+from tests.perception.corpus import PLUS, SHAPES, Shape, draw_fine, flip, scale
 
 ENDINGS = ("png", "pgm", "jpg", "bmp", "tiff", "webp")
 RNG = np.random.default_rng(2)
@@ -195,12 +196,33 @@ def test_picture_shows_gateways_and_names() -> None:
     picture = draw_topology(image, found, side_px=360)
     assert picture.shape == (432, 432, 3)
     assert picture.dtype == np.uint8
-    plain = draw_topology(image, local_topology(image, robot_px=(10, 70)), side_px=360)
-    assert (picture != plain).any()
+    moved = draw_topology(image, local_topology(image, robot_px=(50, 70)), side_px=360)
+    assert (picture != moved).any(), "the robot is drawn where it stands"
     for gateway in found.gateways:
         x, y = ((np.array(gateway.ends_px[0]) + 0.5) * 3 + 36).round().astype(int)
         patch = picture[y - 2 : y + 3, x - 2 : x + 3].reshape(-1, 3)
         assert (np.ptp(patch.astype(int), axis=1) > 60).any(), "an end of a gateway is in colour"
+
+
+@pytest.mark.parametrize("shape", [PLUS, *SHAPES], ids=lambda shape: shape.name)
+def test_names_in_a_picture_do_not_lie_on_each_other(shape: Shape) -> None:
+    for turn, side in ((0, 60), (25, 120)):
+        found = local_topology(scale(draw_fine(shape, turn, 300), side))
+        arrows = plan_arrows(found)
+        labels = place_labels(arrows, 360 / side)
+        assert [label.text for label in labels] == [
+            f"{k}: {dlp}" for k, dlp in enumerate(found.star.dlps, 1)
+        ]
+        for one, other in itertools.combinations(labels, 2):
+            assert not one.overlaps(other)
+
+
+def test_picture_grows_for_arrows_and_captions_beyond_the_grid() -> None:
+    image = scale(draw_fine(PLUS, 20, 300), 120)
+    beside = draw_topology(image, local_topology(image, robot_px=(10, 70)), side_px=360)
+    assert beside.shape[1] > 432
+    narrow = draw_topology(image, local_topology(image), side_px=150)
+    assert narrow.shape[0] > 150 + 72, "captions take several lines"
 
 
 def test_picture_of_another_grid_is_refused() -> None:
