@@ -36,7 +36,6 @@ Progress = Callable[[str, int, int], None]
 
 PosesMode = Literal["auto", "corrected", "odometry"]
 
-SEARCH_BUDGET_S = 60.0
 CORRECTED_SIGMA = (0.05, 0.05, 0.004)
 """Error of corrected poses between neighbouring places: m, m, rad, one standard deviation."""
 
@@ -48,7 +47,7 @@ def build(
     doors: Doors | None = None,
     min_gateway_m: float = 0.0,
     best: int = 5,
-    budget_s: float = SEARCH_BUDGET_S,
+    budget_s: float | None = None,
     resolution_m: float = 0.1,
     names: str | Path | None = None,
     start_m: tuple[float, float] | None = None,
@@ -70,7 +69,8 @@ def build(
     min_gateway_m : narrower gateways count only where the robot drove through them; on a floor map
         they are closed.
     best : how many maps are kept.
-    budget_s : seconds for the search; when spent, the best maps found so far are kept.
+    budget_s : seconds for the search; when spent, the best maps found so far are kept. By default
+        what suits the number of visits, see :mod:`hssh_kb.search_budget`.
     resolution_m : side of a cell of the global map.
     names, start_m, force : of a ROS map only; see
         :func:`hssh_kb.build_map.build_from_floor_map`.
@@ -126,7 +126,7 @@ def build_from_log(
     doors: Doors = "ignore",
     min_gateway_m: float = 0.0,
     best: int = 5,
-    budget_s: float = SEARCH_BUDGET_S,
+    budget_s: float | None = None,
     resolution_m: float = 0.1,
     progress: Progress | None = None,
     clock: Clock | None = None,
@@ -262,10 +262,11 @@ def _localise(
     return LocalTrajectory(log.corrected, steps, np.ones(count, bool), np.ones(count))
 
 
-def _rank(experience: Experience, best: int, budget_s: float) -> RankedMaps:
+def _rank(experience: Experience, best: int, budget_s: float | None) -> RankedMaps:
     from hssh_kb.ranking import rank_maps
+    from hssh_kb.search_budget import allow_seconds
 
-    return rank_maps(experience, best=best, budget_s=budget_s)
+    return rank_maps(experience, best=best, budget_s=budget_s or allow_seconds(len(experience)))
 
 
 def _settle(
@@ -295,7 +296,7 @@ def _tile(visit: PlaceVisit) -> Raster:
     )
 
 
-def _build_from_trace(path: Path, best: int, budget_s: float, clock: Clock) -> KnowledgeBase:
+def _build_from_trace(path: Path, best: int, budget_s: float | None, clock: Clock) -> KnowledgeBase:
     from hssh_kb.kb import KnowledgeBase
     from hssh_kb.layout import lay_out_hypothesis
 

@@ -16,6 +16,8 @@ from collections.abc import Callable
 _WORK_PER_VISIT = 2_000
 _WORK_AT_LEAST = 40_000
 _WORK_WITHOUT_SLIPS = 1_000_000
+_SECONDS = 60.0
+_SECONDS_PER_VISIT = 0.15
 
 
 class Budget:
@@ -48,6 +50,30 @@ class Budget:
         """Return a test that tells when a part of the budget, or all of it, is spent."""
         end = self._count_work() + work
         return lambda: self._count_work() >= end or self.is_spent()
+
+
+def allow_seconds(visits: int) -> float:
+    """Return the seconds of wall time after which a search of so many visits is ended by default.
+
+    A safety net: a search of so many visits ends before, unless the machine is busy.
+
+    Examples
+    --------
+    >>> allow_seconds(100), allow_seconds(2000)
+    (60.0, 300.0)
+    """
+    return max(_SECONDS, _SECONDS_PER_VISIT * visits)
+
+
+def tell_seconds() -> str:
+    """Return in words what :func:`allow_seconds` allows.
+
+    Examples
+    --------
+    >>> tell_seconds()
+    '60, or 0.15 a visit if that is more'
+    """
+    return f"{_SECONDS:g}, or {_SECONDS_PER_VISIT:g} a visit if that is more"
 
 
 def allow_work(visits: int, slip: float) -> int:

@@ -11,6 +11,7 @@ from hssh_kb.cli.build_options import ENDINGS, add_input_options, gather_options
 from hssh_kb.cli.options import add_budget, parse_count, parse_metres
 from hssh_kb.cli.output import count_noun, print_json, show_progress, tell_notices
 from hssh_kb.errors import InputError, UsageError
+from hssh_kb.search_budget import tell_seconds
 
 if TYPE_CHECKING:
     from hssh_kb.kb import KnowledgeBase
@@ -34,7 +35,6 @@ EXAMPLES = """\
   hssh build monday.log tuesday.log.xz -o maps/ --jobs 2
   hssh build *.log -o maps/ --executor dask:tcp://cluster:8786
 """
-DEFAULT_BUDGET_S = 60.0
 _ENDINGS = ENDINGS | {".log", ".clf", ".carmen", ".txt", ".json", ".gz", ".xz", ".bz2"}
 
 
@@ -75,7 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="build on a Dask cluster instead; its workers have to see the same folders",
     )
     add_input_options(parser)
-    add_budget(parser, None, told=f"{DEFAULT_BUDGET_S:g}")
+    add_budget(parser, None, told=tell_seconds())
 
 
 def run(args: argparse.Namespace) -> int:

@@ -20,6 +20,7 @@ from hssh_kb.cli.output import (
 from hssh_kb.cli.query import run_query
 from hssh_kb.cli.variants import add_variant, refuse_variant, take_variant, use_directory
 from hssh_kb.errors import UsageError
+from hssh_kb.search_budget import allow_seconds, tell_seconds
 
 if TYPE_CHECKING:
     from hssh_kb.change_of_mind import ChangeOfMind
@@ -88,7 +89,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="also how the favourite changed as the visits arrived one by one, and why",
     )
     add_variant(parser, weaken=True)
-    add_budget(parser, None, told=f"{DEFAULT_BUDGET_S:g}")
+    add_budget(parser, None, told=tell_seconds())
     parser.add_argument(
         "-v", "--verbose", action="store_true", help="also the terms of each score, and doubts"
     )
@@ -135,7 +136,7 @@ def run(args: argparse.Namespace) -> int:
                 minimal=args.minimal,
                 planarity=not args.no_planarity,
                 order=not args.no_order,
-                budget_s=args.budget or DEFAULT_BUDGET_S,
+                budget_s=args.budget or allow_seconds(len(experience)),
                 policy=args.policy,
                 variant=variant,
             )
