@@ -6,7 +6,7 @@ degrees, scaled to 9..599 cells a side, cut at grey level 127, then free cells f
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -85,17 +85,16 @@ def plus_corpus(
     sides: range = range(9, 600, 10), percents: range = range(0, 100, 5)
 ) -> Iterator[tuple[np.ndarray, int, int, int]]:
     """Yield image, turn in degrees, side, percent of noise: 12,000 images by default."""
-    for turn in range(0, 50, 5):
-        fine = draw_fine(PLUS, turn)
-        for side in sides:
-            clean = scale(fine, side)
-            for percent in percents:
-                rng = np.random.default_rng((turn, side, percent))
-                yield flip(clean, percent / 100, rng), turn, side, percent
+    return shape_corpus(PLUS, range(0, 50, 5), sides, percents, seed=())
 
 
 def shape_corpus(
-    shape: Shape, turns: range, sides: tuple[int, ...], percents: range
+    shape: Shape,
+    turns: Iterable[int],
+    sides: Iterable[int],
+    percents: Iterable[int],
+    *,
+    seed: tuple[int, ...] = (7,),
 ) -> Iterator[tuple[np.ndarray, int, int, int]]:
     """Yield image, turn in degrees, side, percent of noise of one shape."""
     for turn in turns:
@@ -103,7 +102,7 @@ def shape_corpus(
         for side in sides:
             clean = scale(fine, side)
             for percent in percents:
-                rng = np.random.default_rng((turn, side, percent, 7))
+                rng = np.random.default_rng((turn, side, percent, *seed))
                 yield flip(clean, percent / 100, rng), turn, side, percent
 
 
