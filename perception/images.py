@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from perception.errors import InputError
+from perception.files import read_bytes
 from perception.grid import UNKNOWN, Image
 from perception.image_header import ImageHeader, find_damage, read_image_header
 
@@ -15,16 +17,15 @@ MOST_CELLS = 100_000_000
 BYTES_A_CELL = 35
 """Memory that reading an image and finding its skeleton takes at most, as measured."""
 
-_HEAD_BYTES = 65536
 _KINDS = "png, pgm, pbm, ppm, jpg, bmp, tiff, webp or gif"
 
 
 def read_grey_image(path: Path | str, *, most_cells: int | None = MOST_CELLS) -> Image:
     """Read an image file as a grid.
 
-    Colours become their luminance; levels of 16 bits are divided by 257 (in a PGM file, scaled by
-    the level it says is white); where an alpha channel is less than half opaque, the cell is
-    unknown.
+    The file may be packed (gzip, xz, bzip2). Colours become their luminance; levels of 16 bits are
+    divided by 257 (in a PGM file, scaled by the level it says is white); where an alpha channel is
+    less than half opaque, the cell is unknown.
 
     Parameters
     ----------
@@ -40,7 +41,31 @@ def read_grey_image(path: Path | str, *, most_cells: int | None = MOST_CELLS) ->
         damaged, or too large.
     """
     path = Path(path)
-    data, header = _read_file(path, most_cells)
+    raw, header = load_image(path, lambda header: _check_size(path, header, most_cells))
+    return _to_grey(raw, path, header)
+
+
+def load_image(
+    path: Path, check_size: Callable[[ImageHeader], None]
+) -> tuple[np.ndarray, ImageHeader]:
+    """Decode an image file, packed or not, with the channels and levels it has.
+
+    Parameters
+    ----------
+    check_size : called with the header before the image is decoded, to refuse what is too large.
+
+    Raises
+    ------
+    InputError : the file is missing, a folder, empty, not an image of a known kind, cut off or
+        damaged.
+    """
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder; give an image file")
+    data = read_bytes(path)
+    header = read_image_header(data)
+    if header is None:
+        raise InputError(f"{path}: is not an image; expected {_KINDS}")
+    check_size(header)
     fault = find_damage(data, header)
     if fault is not None:
         raise InputError(f"{path}: this {header.kind} image is broken: {fault}; get a whole copy")
@@ -58,31 +83,7 @@ def read_grey_image(path: Path | str, *, most_cells: int | None = MOST_CELLS) ->
             f"{path}: is not an image that can be read: it starts as {header.kind}, but the rest "
             "does not follow; get a whole copy"
         )
-    return _to_grey(raw, path, header)
-
-
-def _read_file(path: Path, most_cells: int | None) -> tuple[bytes, ImageHeader]:
-    """Return the bytes of an image file and its header, after a look at its size."""
-    if path.is_dir():
-        raise InputError(f"{path}: is a folder; give an image file")
-    try:
-        with path.open("rb") as file:
-            data = file.read(_HEAD_BYTES)
-            header = read_image_header(data)
-            if header is not None:
-                _check_size(path, header, most_cells)
-            data += file.read()
-    except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
-    if not data:
-        raise InputError(f"{path}: is empty; expected an image")
-    header = header or read_image_header(data)
-    if header is None:
-        raise InputError(f"{path}: is not an image; expected {_KINDS}")
-    _check_size(path, header, most_cells)
-    return data, header
+    return raw, header
 
 
 def _check_size(path: Path, header: ImageHeader, most_cells: int | None) -> None:

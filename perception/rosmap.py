@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
-import struct
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +16,8 @@ from perception.errors import InputError
 from perception.files import read_bytes
 from perception.geometry import Array
 from perception.grid import FREE, OCCUPIED, UNKNOWN, Frame, Image
+from perception.image_header import ImageHeader
+from perception.images import load_image
 
 MOST_CELLS = 60_000_000
 BYTES_A_CELL = 30
@@ -197,20 +197,7 @@ def _read_levels(
     path: Path, force: bool
 ) -> tuple[NDArray[np.uint8], NDArray[np.bool_] | None, list[str]]:
     """Return the grey levels of an image, where it is opaque (None: everywhere), and notices."""
-    with path.open("rb") as file:
-        head = file.read(4096)
-    data = b"" if _peek_size(head) else read_bytes(path)
-    size = _peek_size(head) or _peek_size(data[:4096])
-    if size is not None:
-        _check_size(path, *size, force=force)
-    data = data or path.read_bytes()
-    try:
-        raw = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error as error:
-        raise InputError(f"{path}: cannot be read as an image ({error.err})") from None
-    if raw is None or not raw.size:
-        raise InputError(f"{path}: is not an image; expected pgm, png or another grid image")
-    _check_size(path, raw.shape[1], raw.shape[0], force=force)
+    raw, _ = load_image(path, lambda header: _check_size(path, header, force=force))
     notices = []
     if raw.dtype == np.uint16:
         notices.append(f"{path}: 16 bits a level; they are read as 8")
@@ -228,16 +215,8 @@ def _read_levels(
     return np.asarray(raw, np.uint8), opaque, notices
 
 
-def _peek_size(head: bytes) -> tuple[int, int] | None:
-    """Return columns and rows of a png or pgm from its header, None for other images."""
-    if head[:8] == b"\x89PNG\r\n\x1a\n" and len(head) >= 24:
-        width, height = struct.unpack(">II", head[16:24])
-        return int(width), int(height)
-    match = re.match(rb"P[1-6](?:\s|#[^\n]*\n)+(\d+)(?:\s|#[^\n]*\n)+(\d+)", head)
-    return (int(match[1]), int(match[2])) if match else None
-
-
-def _check_size(path: Path, width: int, height: int, *, force: bool) -> None:
+def _check_size(path: Path, header: ImageHeader, *, force: bool) -> None:
+    width, height = header.width, header.height
     if width * height > MOST_CELLS and not force:
         need = BYTES_A_CELL * width * height / 1e9
         raise InputError(

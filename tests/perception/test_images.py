@@ -1,6 +1,7 @@
 """Reading image files as grids, mending noise, drawing."""
 
 import itertools
+import lzma
 import struct
 import time
 import zlib
@@ -51,6 +52,13 @@ def test_colour_sixteen_bits_and_alpha(tmp_path: Path) -> None:
     found = read_grey_image(veiled)
     assert (found[:20] == UNKNOWN).all()
     assert (found[20:] == grey[20:]).all()
+
+
+def test_packed_images_are_read(tmp_path: Path) -> None:
+    image = scale(draw_fine(PLUS, 10, 300), 60)
+    path = tmp_path / "plus.pgm.xz"
+    path.write_bytes(lzma.compress(cv2.imencode(".pgm", image)[1].tobytes()))
+    assert (read_grey_image(path) == image).all()
 
 
 @pytest.mark.parametrize(

@@ -153,6 +153,14 @@ def test_not_an_image(tmp_path):
         read_ros_map(path)
 
 
+def test_a_damaged_image_is_told(tmp_path):
+    path = write_ros_map(tmp_path, LEVELS)
+    whole = (tmp_path / "floor.png").read_bytes()
+    (tmp_path / "floor.png").write_bytes(whole[: len(whole) - 20])
+    with pytest.raises(InputError, match="is broken"):
+        read_ros_map(path)
+
+
 def _write_blank_png(path: Path, side: int) -> None:
     """Write a png header that announces a large image; the rest does not matter."""
 
