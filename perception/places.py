@@ -31,7 +31,7 @@ import numpy as np
 from perception.geometry import Array
 from perception.grid import Frame, Image
 from perception.lpm import LocalMap
-from perception.revisit import look_again, map_passage
+from perception.revisit import is_walled_off, look_again, map_passage
 from perception.scanlog import ScanLog
 from perception.sightings import (
     LOOKED_AROUND_RAD,
@@ -292,6 +292,8 @@ def _commit(
     else:
         entry = _guess_entry(poses[: passage.last + 1, 2], float(np.ptp(log.angles_rad)))
     local = map_passage(log, poses, centre, passage.nearest, settings)
+    if is_walled_off(local, poses[passage.nearest], centre, 2 * settings.robot_radius_m):
+        return None
     span = passage.first, passage.nearest, passage.last
     again = look_again(local, poses, centre, span, settings)
     reviews = again or candidate.reviews

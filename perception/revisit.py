@@ -7,9 +7,11 @@ taken on the way to it and away from it, is much the same from whichever side it
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from perception.geometry import Array
+from perception.grid import OCCUPIED
 from perception.lpm import LocalMap
 from perception.scanlog import ScanLog
 from perception.sightings import PlaceSettings, Sighting, read_topology
@@ -87,3 +89,28 @@ def look_again(
         points += list(way[chosen])
     found = (read_topology(nearest, poses, local, settings, at_m=point) for point in points)
     return [s for s in found if s is not None and np.hypot(*(s.centre_m - centre_m)) < SAME_M]
+
+
+def is_walled_off(local: LocalMap, pose: Array, centre_m: Array, width_m: float) -> bool:
+    """Tell whether walls, or gaps in them narrower than a width, part a pose from a point.
+
+    Parameters
+    ----------
+    local : see :func:`map_passage`. pose : (3,) of the laser. centre_m : (2,). Both drive frame.
+    width_m : pieces of wall so near to each other are one.
+
+    Source
+    ------
+    Ours.
+    """
+    frame = local.frame
+    side = 2 * round(width_m / 2 / frame.resolution_m) + 1
+    occupied = (local.image() == OCCUPIED).astype(np.uint8)
+    solid = cv2.morphologyEx(occupied, cv2.MORPH_CLOSE, np.ones((side, side), np.uint8))
+    (x0, y0), (x1, y1) = frame.to_pixels(pose[:2]), frame.to_pixels(centre_m)
+    steps = int(max(abs(x1 - x0), abs(y1 - y0))) + 2
+    x, y = (
+        np.linspace(x0, x1, steps).round().astype(int),
+        np.linspace(y0, y1, steps).round().astype(int),
+    )
+    return bool(solid[y, x].any())

@@ -99,3 +99,12 @@ def test_a_way_crosses_a_gateway_between_its_ends_only():
 def test_limits_that_mean_nothing_are_refused(limits):
     with pytest.raises(InputError):
         Level(**limits)
+
+
+@pytest.mark.parametrize(("side_m", "ways"), [(0.8, 3), (1.6, 4)])
+def test_a_door_is_narrower_than_half_the_corridor_driven(side_m, ways):
+    along = np.column_stack([np.linspace(40, 110, 15), np.full(15, 75.0)])
+    seen = read(draw_crossing(side_m), Level(door_share=0.5), along)
+    assert sum(seen.star.alpha) == ways
+    # Of a corridor whose width nobody knows no opening is too narrow.
+    assert sum(read(draw_crossing(side_m), Level(door_share=0.5)).star.alpha) == 4

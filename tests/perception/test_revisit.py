@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from segment_world import HALF_TURN, cast, follow
 
+from perception.lpm import HIGHEST, LocalMap
 from perception.places import PlaceSettings, _Candidate, _passage
-from perception.revisit import REACH_M, look_again, map_passage
+from perception.revisit import REACH_M, is_walled_off, look_again, map_passage
 from perception.scanlog import ScanLog
 from perception.sightings import Sighting
 
@@ -49,8 +50,9 @@ def test_the_star_is_the_same_from_whichever_side_a_crossing_is_entered(way):
 
 
 def test_scans_from_farther_away_do_not_count():
-    log = record([(-9, 0), (9, 0)])
+    log = record([(-13, 0), (13, 0)])
     far = np.flatnonzero(np.hypot(*log.corrected[:, :2].T) > REACH_M)
+    assert len(far) > 1
     log.ranges_m[far] = 0.2  # as if somebody stood before the robot
     local = map_passage(log, log.corrected, np.zeros(2), len(log) // 2, PlaceSettings())
     column, row = np.rint(local.frame.to_pixels(np.array([6.8, 0.0]))).astype(int)
@@ -64,3 +66,16 @@ def test_a_place_seen_from_afar_only_is_not_visited():
         sighting = Sighting(len(log) - 2, poses[-2], np.array(centre), 0.9, None, 1.0, None, None)
         passage = _passage(_Candidate([sighting]), poses, PlaceSettings())
         assert (passage is not None) is visited
+
+
+@pytest.mark.parametrize(("gap_m", "parted"), [(0.4, True), (1.6, False)])
+def test_what_lies_behind_a_row_of_pillars_is_walled_off(gap_m, parted):
+    local = LocalMap()
+    pillars = np.arange(-6.0, 6.0, gap_m + 0.2) + gap_m / 2 + 0.1
+    for x in pillars:
+        column, row = np.rint(local.frame.to_pixels(np.array([x, 1.0]))).astype(int)
+        local.log_odds[row - 1 : row + 1, column - 1 : column + 1] = HIGHEST
+    middle = (pillars[len(pillars) // 2] + pillars[len(pillars) // 2 - 1]) / 2
+    pose = np.array([middle, 0.0, 0.0])
+    assert is_walled_off(local, pose, np.array([middle, 2.0]), 0.8) is parted
+    assert not is_walled_off(local, pose, np.array([middle, -2.0]), 0.8)
