@@ -67,7 +67,8 @@ class FloorEdge:
     ----------
     start, goal : numbers of the places.
     start_gateway, goal_gateway : which gateway of each it passes.
-    points_m : (n, 2) the way along the skeleton, from the centre of one to that of the other.
+    points_m : (n, 2) from the centre of one to that of the other. The second point and the last but
+        one are the middles of their base points; the way between follows the skeleton.
     doors : numbers of the gateways of the floor map, doors only, that it passes.
     """
 

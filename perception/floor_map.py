@@ -235,7 +235,7 @@ class _Arms:
             pixel.append(gateway)
             kinds.append(kind)
             self.gateway_of[way, forward] = number
-        x, y = base.mean(axis=0).tolist()
+        x, y = self._middle_of_base(k).tolist()
         readings = _read_with_breaks(pixel, (x, y))
         lines = pixel if place.kind != "room" else ()
         middle = self.middles[k] = find_middle(base, radii, lines, self.hall_px)
@@ -285,6 +285,10 @@ class _Arms:
                 return i
         return None
 
+    def _middle_of_base(self, k: int) -> Array:
+        nodes = [self.survey.graph.nodes[node].point_px for node in self.places[k].nodes]
+        return np.asarray(np.array(nodes).mean(axis=0))
+
     def list_edges(self) -> list[FloorEdge]:
         """Return the ways between places."""
         edges = []
@@ -292,7 +296,10 @@ class _Arms:
         for way in self.ways:
             branch = self.survey.graph.branches[way]
             one, other = self.place_of[branch.tail], self.place_of[branch.head]
-            points = np.vstack([self.middles[one], branch.points_px, self.middles[other]])
+            start, goal = self._middle_of_base(one), self._middle_of_base(other)
+            points = np.vstack(
+                [self.middles[one], start, branch.points_px, goal, self.middles[other]]
+            )
             doors = [cells[x, y] for x, y in branch.points_px.tolist() if (x, y) in cells]
             edges.append(
                 FloorEdge(

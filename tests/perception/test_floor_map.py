@@ -302,3 +302,13 @@ def test_any_grid_is_explored_or_refused(seed):
         except InputError:
             continue
         assert degrees(floor) == [len(place.gateways) for place in floor.places]
+
+
+def test_a_bay_does_not_draw_a_crossing_aside():
+    plan = Plan(20, 16).carve(1, 2, 18, 2).carve(9, 2, 2, 13).carve(5.5, 4, 3.5, 2.5)
+    floor = explore(plan)
+    crossing = next(p for p in floor.places if len(p.gateways) == 3)
+    bare = explore(Plan(20, 16).carve(1, 2, 18, 2).carve(9, 2, 2, 13))
+    wanted = next(p for p in bare.places if len(p.gateways) == 3).centre_m
+    drawn_aside = math.dist(crossing.base_m[0], wanted)
+    assert math.dist(crossing.centre_m, wanted) < min(0.5, 0.5 * drawn_aside)
