@@ -19,13 +19,13 @@ clingo; the use in a tree of maps is ours.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from hssh_kb.errors import InputError
 from hssh_kb.experience import Visit
-from hssh_kb.node import Decision
+from hssh_kb.node import Decision, Node
 
 
 class Same(NamedTuple):
@@ -68,6 +68,21 @@ class Nogood:
             if one.place != other.place or (one.offset - other.offset - turn) % size:
                 return False
         return True
+
+
+def is_refuted(nogoods: Mapping[int, Sequence[Nogood]], node: Node) -> bool:
+    """Return whether a map holds a nogood that speaks of its latest visit.
+
+    Parameters
+    ----------
+    nogoods : those known, by the latest visit that each speaks of.
+    node : the map.
+    """
+    known = nogoods.get(node.visit)
+    if not known:
+        return False
+    decisions = [one.decision for one in node.chain()[1:]]
+    return any(nogood.holds_in(decisions) for nogood in known)
 
 
 @dataclass

@@ -10,6 +10,7 @@ Source: ours.
 
 from __future__ import annotations
 
+import heapq
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -92,6 +93,30 @@ class Repair:
         for i in range(len(tree.visits[v].readings)):
             for offset in tree.isomorphisms(v, i, first, self.reading):
                 yield Decision(decision.place, offset, i, decision.doubted)
+
+
+class RepairQueue:
+    """Repairs that wait to be carried out, each noted once."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[int, list[tuple[float, int, Repair]]] = {}
+        self._seen: set[tuple[object, ...]] = set()
+
+    def add(self, repair: Repair) -> None:
+        """Note a repair."""
+        if repair.key in self._seen:
+            return
+        self._seen.add(repair.key)
+        promise = repair.estimate + repair.donor.worth - repair.donor.score
+        waiting = self._waiting.setdefault(repair.donor.visit + 1, [])
+        heapq.heappush(waiting, (-promise, len(self._seen), repair))
+
+    def take(self, depth: int, least: float) -> Repair | None:
+        """Take out the repair that promises the best map of a depth; None if below the least."""
+        waiting = self._waiting.get(depth)
+        if not waiting or -waiting[0][0] < least:
+            return None
+        return heapq.heappop(waiting)[2]
 
 
 def propose_repairs(

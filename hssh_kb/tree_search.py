@@ -5,8 +5,9 @@ waiting map grows next, as long as its score is within a slack of the best livin
 depth and the front of grown maps is not too wide. When a visit refutes a map, the reason is
 learned: a set of closures that cannot stand together (:mod:`hssh_kb.nogoods`). All maps that
 hold it die at once, at whatever depth they wait; the fronts of the depths they leave fill again
-from the maps that wait there, so that the search jumps back to the closure that was wrong. No
-consistent map is ever dropped, only left waiting.
+from the maps that wait there, so that the search jumps back to the closure that was wrong. A
+complete map that is strange, looking back, calls for more maps there (:mod:`hssh_kb.hindsight`).
+No consistent map is ever dropped, only left waiting.
 
 Source: Beeson 2008, sections 8.2 and 10.1.2; lazy evaluation after Johnson's tree of maps;
 the fronts and the learning are ours.
@@ -14,18 +15,18 @@ the fronts and the learning are ours.
 
 from __future__ import annotations
 
-import heapq
 import math
 from collections.abc import Callable
 
 from hssh_kb.errors import InputError
 from hssh_kb.experience import Experience, Visit
 from hssh_kb.fronts import Fronts
+from hssh_kb.hindsight import find_strange_stretch
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.map_tree import MapTree
-from hssh_kb.node import GATE_NATS, Node, Option
-from hssh_kb.nogoods import Nogood, learn_nogood
-from hssh_kb.repair import Repair, propose_repairs
+from hssh_kb.node import GATE_NATS, Node
+from hssh_kb.nogoods import Nogood, is_refuted, learn_nogood
+from hssh_kb.repair import RepairQueue, propose_repairs
 from hssh_kb.revise import revise_map
 from hssh_kb.score import Score, estimate_score
 from hssh_kb.search_budget import Budget
@@ -42,6 +43,9 @@ _REVISED_WORK = 60_000  # units of work for one revision at most, where travels 
 _REPAIRS = 16  # repairs of one depth carried out at a time
 _PROMISE_NATS = 8.0  # ... if they promise a map that near the best one
 _SWEPT = 0.5  # share of the budget for the fronts where travels slip; the rest is for revising
+_PATIENCE = 3  # stretches looked back at in vain before the search ends
+_LOOK_BACK_NATS = 10.0  # maps that much worse at the time are grown where the favourite went wrong
+_LOOK_BACK_WORK = 300_000  # units of work for that at most
 _ESTIMATED = (2, 4, 8, 16, 32, 64)  # visits known when the score is estimated anew
 _DETOURS = 4  # maps grown for each visit at most to get to the end when the budget is spent
 
@@ -93,9 +97,10 @@ class TreeOfMaps:
         self._reached: list[bool] = []
         self._seen: set[object] = set()
         self._swept = [0] * len(_STAGES)
+        self._extra: list[float] = []
+        self._looked: dict[int, int] = {}
         self._variance = 0.0
-        self._serial = 0
-        self._repairs: list[list[tuple[float, int, Repair]]] = []
+        self._repairs = RepairQueue()
         self.nogoods: dict[int, list[Nogood]] = {}
         self.expansions = 0
 
@@ -107,8 +112,8 @@ class TreeOfMaps:
     def _add(self, visit: Visit) -> None:
         self._visits.append(visit)
         self._fronts.add_depth()
-        self._repairs.append([])
         self._reached.append(False)
+        self._extra.append(0.0)
         if visit.displacement is not None:
             cov = visit.displacement.cov
             self._variance += (cov[0][0] + cov[1][1]) / 2
@@ -150,22 +155,22 @@ class TreeOfMaps:
         tree, fronts = self.tree, self._fronts
         self.expansions += 1
         node.stage += 1
-        slips = self.score.slip > 0
         options = list(tree.options(node, far=node.stage == 2, lean=node.stage < 3))
         best = -math.inf
         for option in options:
             if option.refusal is None:
                 child = tree.child(node, option)
                 best = max(best, child.score - node.score)
-                if self._is_refuted(child):
+                if is_refuted(self.nogoods, child):
                     child.dead = True
                 else:
                     fronts.wait(child)
         if best > -math.inf:
             self._reached[node.visit + 1] = True
-        fixed = -1 if slips else tree.find_fixed(node)
+        fixed = -1 if self.score.slip > 0 else tree.find_fixed(node)
         if node.stage == 1:
-            self._propose(node, options, best, fixed)
+            for repair in propose_repairs(self.tree, node, options, best, fixed):
+                self._repairs.add(repair)
         if best == -math.inf and fixed >= 0:
             self._learn(node)
         elif node.stage == 1 and fixed < 0:
@@ -179,36 +184,17 @@ class TreeOfMaps:
         """Return whether growing a map at first leaves ways out that are not far off."""
         return self.score.slip > 0 or len(self._visits[node.visit + 1].readings) > 1
 
-    def _propose(self, node: Node, options: list[Option], best: float, fixed: int) -> None:
-        """Note which repairs the refused ways to take the next visit call for."""
-        for repair in propose_repairs(self.tree, node, options, best, fixed):
-            if repair.key not in self._seen:
-                self._seen.add(repair.key)
-                self._serial += 1
-                promise = repair.estimate + node.worth - node.score
-                item = -promise, self._serial, repair
-                heapq.heappush(self._repairs[node.visit + 1], item)
-
     def _repair(self, depth: int, is_over: Callable[[], bool]) -> None:
         """Carry out the repairs that promise a map of a depth near the best one."""
-        todo, done = self._repairs[depth], 0
-        while todo and done < _REPAIRS and not is_over():
-            if -todo[0][0] < self._fronts.peak(depth) - _PROMISE_NATS:
+        for _ in range(_REPAIRS):
+            least = math.inf if is_over() else self._fronts.peak(depth) - _PROMISE_NATS
+            repair = self._repairs.take(depth, least)
+            if repair is None:
                 return
-            made = heapq.heappop(todo)[2].carry_out(self.tree)
-            if not self._holds_nogood(made):
+            made = repair.carry_out(self.tree)
+            chain = made.chain()
+            if not any(c.dead or (not c.queued and is_refuted(self.nogoods, c)) for c in chain):
                 self._fronts.wait(made)
-            done += 1
-
-    def _holds_nogood(self, node: Node) -> bool:
-        return any(one.dead or (not one.queued and self._is_refuted(one)) for one in node.chain())
-
-    def _is_refuted(self, node: Node) -> bool:
-        known = self.nogoods.get(node.visit)
-        if not known:
-            return False
-        decisions = [one.decision for one in node.chain()[1:]]
-        return any(nogood.holds_in(decisions) for nogood in known)
 
     def _learn(self, node: Node) -> None:
         """Learn why a map cannot take its next visit; all maps with that mistake die."""
@@ -244,8 +230,10 @@ class TreeOfMaps:
         budget = Budget(lambda: self.tree.work, budget_work, budget_s)
         slips = self.score.slip > 0
         self._sweep_ever_wider(lambda: budget.is_spent(_SWEPT if slips else 1.0))
-        if not self._has_complete():
+        if not self._fronts.living[-1]:
             self._finish()
+        elif not slips:
+            self._look_back(budget.allot(_LOOK_BACK_WORK))
         if slips:
             self._revise(budget)
         self.spent = budget.is_spent() or (
@@ -270,6 +258,22 @@ class TreeOfMaps:
                 is_enough = self._end_by(end, is_over)
             lead = found
 
+    def _look_back(self, is_over: Callable[[], bool]) -> None:
+        """Grow more maps where the best complete one shows that it went wrong, while that helps."""
+        patience, widest = _PATIENCE, len(_STAGES) - 1
+        while patience and not is_over():
+            lead = self.lead
+            chain = [] if lead is None else lead.chain()[1:]
+            new = -math.log(self.score.area_m2)
+            stretch = find_strange_stretch(chain, new, self._looked)
+            if stretch is None:
+                return
+            for depth in range(stretch.start, stretch.end):
+                self._extra[depth] += _LOOK_BACK_NATS
+            self._swept[widest] = stretch.start
+            self._sweep(widest, is_over)
+            patience = patience - 1 if self.lead is lead else _PATIENCE
+
     def _end_by(self, work: float, is_over: Callable[[], bool]) -> Callable[[], bool]:
         return lambda: self.tree.work >= work or is_over()
 
@@ -293,7 +297,7 @@ class TreeOfMaps:
     def _widen(self, depth: int, stage: int, is_over: Callable[[], bool]) -> None:
         """Grow the best waiting maps of a depth until its front is as wide as it should be."""
         width, share = _STAGES[stage]
-        fronts, slack = self._fronts, share * self._find_slack()
+        fronts, slack = self._fronts, share * self._find_slack() + self._extra[depth]
         while fronts.count_grown(depth) < width and not is_over():
             top = fronts.top(depth)
             near = top >= fronts.peak(depth) - slack
@@ -311,9 +315,6 @@ class TreeOfMaps:
         """Return the standard deviation of the displacements as a share of a typical travel."""
         known = max(len(self._visits) - 1, 1)
         return math.sqrt(self._variance / known) / self.score.length_m
-
-    def _has_complete(self) -> bool:
-        return self._fronts.living[-1] > 0
 
     def _finish(self) -> None:
         """Take the best of the deepest maps to the last visit, whatever it costs them."""

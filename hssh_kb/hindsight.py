@@ -1,0 +1,70 @@
+"""Where a complete map shows, looking back, that it went wrong.
+
+A wrong map seldom breaks an axiom; it makes do: it holds two places where there is one, on top of
+each other, or takes closures that fit badly. In the true map that is rare. Where it happens often
+in a row, a closure not long before was wrong, and the right map waits there, behind maps that
+seemed better at the time.
+
+Source: ours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from hssh_kb.node import Node
+
+_ROOM_NATS = 1.0  # a new place that leaves the known ones less room than that is strange
+_FIT_NATS = 3.0  # a closure so much less probable than a new place is strange
+_TURN_NATS = 1.0  # so are headings that cost more
+_STRANGE_NATS = 4.0  # in one stretch: then it is worth looking back
+_STRETCH = 20  # visits that may be strange for one reason
+_BEFORE = 40  # visits before them among which the mistake is looked for
+_OFTEN = 2  # times that one stretch is looked into
+
+
+class Stretch(NamedTuple):
+    """Visits to look back at: from ``start`` up to ``end``; strange from ``strange`` on."""
+
+    start: int
+    end: int
+    strange: Node
+
+
+def rate_strangeness(node: Node, new_nats: float) -> float:
+    """Return by how much [nats] what a map says of its latest visit is stranger than usual.
+
+    Parameters
+    ----------
+    node : the map.
+    new_nats : layout addend of a new place.
+    """
+    addends = node.addends
+    if node.is_new:
+        return max(0.0, -addends.exclusion - _ROOM_NATS)
+    fit = max(0.0, new_nats - addends.layout - _FIT_NATS)
+    return fit + max(0.0, -addends.heading - _TURN_NATS)
+
+
+def find_strange_stretch(
+    chain: Sequence[Node], new_nats: float, tried: dict[int, int]
+) -> Stretch | None:
+    """Return the first stretch of a map that is strange and was not looked into often.
+
+    Parameters
+    ----------
+    chain : the map, one node a visit.
+    new_nats : layout addend of a new place.
+    tried : serial of the first strange node of a stretch -> how often it was looked into; counted
+        up for the stretch returned.
+    """
+    odd = [rate_strangeness(node, new_nats) for node in chain]
+    for node, nats in zip(chain, odd, strict=True):
+        v = node.visit
+        if nats == 0 or sum(odd[v : v + _STRETCH]) < _STRANGE_NATS:
+            continue
+        if tried.get(node.serial, 0) < _OFTEN:
+            tried[node.serial] = tried.get(node.serial, 0) + 1
+            return Stretch(max(0, v - _BEFORE), min(v + _STRETCH, len(chain) - 1), node)
+    return None
