@@ -2,8 +2,9 @@
 
 Beside our figures stand those of the feasibility trial on the same logs and, for the trajectory,
 the corrected poses that the logs carry. Places to find are listed by hand in
-truth/corridor_places.json. Corridor level is what ``hssh build`` does by default; door level
-(``--doors keep``) is shown for information.
+truth/corridor_places.json. Stars are compared as each visit read them, before ``build`` lets visits
+near each other suggest readings to one another ("told" is with those). Corridor level is what
+``hssh build`` does by default; door level (``--doors keep``) is shown for information.
 """
 
 from __future__ import annotations
@@ -12,13 +13,17 @@ import json
 import resource
 import time
 from pathlib import Path
+from unittest.mock import patch
 
 from hssh_kb.build import build
 from hssh_kb.kb import KnowledgeBase
+from perception.expectation import expect_readings
 from perception.mapping import mean_distance_m
 from tests.bench.data import data_path
 from tests.bench.rate_logs import (
     PlaceRates,
+    Stars,
+    list_stars,
     pair_visits,
     rate_closures,
     rate_places,
@@ -51,7 +56,8 @@ def run() -> bool:
     print(
         f"{'log':18}{'poses':>10}{'scans':>6}{'visits':>7}{'places':>7}{'cpu s':>7}{'drive s':>8}"
         f"{'MB':>5}{'mean m':>7}{'closures P':>11}{'R':>5}{'recall':>7}{'prec.':>6}{'raw':>5}"
-        f"{'arms':>5}{'pairs':>6}{'equal':>6}{'2 best':>7}   trial: recall, precision, equal"
+        f"{'arms':>5}{'pairs':>6}{'equal':>6}{'2 best':>7}{'told':>5}"
+        "   trial: recall, precision, equal"
     )
     print(
         f"{'asked':18}{'':62}{'1.00':>7}{'.80':>5}{'.95':>7}{'.95':>6}{'':16}{'.90':>6}{'.98':>7}"
@@ -71,13 +77,18 @@ def run() -> bool:
     return good
 
 
-def _build(path: Path, mode: str, **options: str) -> tuple[KnowledgeBase, float]:
+def _build(path: Path, mode: str, **options: str) -> tuple[KnowledgeBase, Stars, float]:
+    """Return the knowledge base, the stars that each visit read by itself, and the seconds."""
     start = time.process_time()
-    kb = build(path, poses=mode, **options)
-    return kb, time.process_time() - start
+    with patch("perception.expectation.expect_readings", wraps=expect_readings) as expect:
+        kb = build(path, poses=mode, **options)
+    own = [tuple(r.star for r in visit.readings) for visit in expect.call_args.args[0]]
+    return kb, own, time.process_time() - start
 
 
-def _report(name: str, mode: str, kb: KnowledgeBase, seconds: float, truth: dict) -> bool:
+def _report(
+    name: str, mode: str, kb: KnowledgeBase, stars: Stars, seconds: float, truth: dict
+) -> bool:
     drive = kb.trajectory
     mean = mean_distance_m(drive.poses, drive.corrected)
     drive_s = float(drive.times_s[-1] - drive.times_s[0])
@@ -85,17 +96,18 @@ def _report(name: str, mode: str, kb: KnowledgeBase, seconds: float, truth: dict
     shown = f"{drive_s:8.0f}" if has_clock else f"{'-':>8}"
     memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     precision, recall = rate_closures(kb)
-    rates = rate_places(kb, truth)
-    equal, second, pairs = rates.equal, rates.second, rates.pairs
+    rates = rate_places(kb, truth, stars)
+    equal, second, told, pairs = rates.equal, rates.second, rates.told, rates.pairs
     if name in ROOMS:
         found = pair_visits(kb)
-        equal, second = rate_stars(kb, found)
+        equal, second = rate_stars(stars, found)
+        told = rate_stars(list_stars(kb), found)[1]
         pairs = len(found)
     print(
         f"{name:18}{mode:>10}{kb.record.scans:6}{len(kb.experience):7}{kb.rows[0].places:7}"
         f"{seconds:7.1f}{shown}{memory_mb:5.0f}{mean:7.2f}{precision:11.2f}{recall:5.2f}"
         f"{rates.recall:7.2f}{rates.precision:6.2f}{rates.raw:5.2f}{rates.arms:5.2f}{pairs:6}"
-        f"{equal:6.2f}{second:7.2f}   {TRIAL.get(name, '')}",
+        f"{equal:6.2f}{second:7.2f}{told:5.2f}   {TRIAL.get(name, '')}",
         flush=True,
     )
     in_time = seconds < (drive_s if has_clock else 0.5 * drive.length_m)  # at 2 m/s

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
-from hssh_kb.experience import Reading
 from hssh_kb.kb import KnowledgeBase
 from perception.geometry import wrap_angle
+from perception.star import Star
 
 HIT_M, ALSO_M = 3.5, 2.6
 """A visit so near to a listed place, while it is passed, is a hit; one so near to an opening that
 may or may not count is neither right nor wrong."""
 NEAR_M, LEFT_M = 3.0, 5.0
 """A passage begins so near to a place, and ends so far from it."""
+Stars = Sequence[tuple[Star, ...]]
+"""Of each visit the stars that were read there, best first, without those that other visits
+suggested: of two visits neither has been told what the other saw."""
+
 SAME_M, OTHER_M = 1.5, 4.0
 """Visits nearer than the one are to one place, farther apart than the other to two."""
 
@@ -32,6 +37,7 @@ class PlaceRates:
     arms : share of hits whose best star has the listed arms.
     pairs, equal : pairs of visits to one listed place, and the share with equal best stars.
     second : share of (visit, other visit) whose best star is one of the two best of the other.
+    told : the same with the readings that other visits suggested.
     """
 
     passages: int
@@ -42,10 +48,11 @@ class PlaceRates:
     pairs: int
     equal: float
     second: float
+    told: float
 
 
-def rate_places(kb: KnowledgeBase, truth: dict) -> PlaceRates:
-    """Compare the visits with a list of places, openings and doors."""
+def rate_places(kb: KnowledgeBase, truth: dict, stars: Stars) -> PlaceRates:
+    """Compare the visits, and the stars read at them, with a list of places, openings and doors."""
     poses, scans = kb.trajectory.corrected, kb.trajectory.visit_scans
     listed = truth["places"]
     also = np.array([*truth["also"], *truth.get("doors", [])], float).reshape(-1, 2)
@@ -71,23 +78,28 @@ def rate_places(kb: KnowledgeBase, truth: dict) -> PlaceRates:
         len(used) / max(len(used) + len(wrong), 1),
         float(np.mean(arms or [0])),
         len(pairs),
-        *rate_stars(kb, pairs),
+        *rate_stars(stars, pairs),
+        rate_stars(list_stars(kb), pairs)[1],
     )
 
 
-def rate_stars(kb: KnowledgeBase, pairs: list[tuple[int, int]]) -> tuple[float, float]:
+def rate_stars(stars: Stars, pairs: list[tuple[int, int]]) -> tuple[float, float]:
     """Return the shares of pairs with equal best stars, and of best stars among the two best."""
     equal, second = list[bool](), list[bool]()
     for a, b in pairs:
-        one, other = kb.experience.visits[a].readings, kb.experience.visits[b].readings
-        equal.append(_is_equal(one[0], other[0]))
-        second.append(any(_is_equal(one[0], reading) for reading in other[:2]))
-        second.append(any(_is_equal(other[0], reading) for reading in one[:2]))
+        equal.append(_are_equal(stars[a][0], stars[b][0]))
+        second.append(any(_are_equal(stars[a][0], star) for star in stars[b][:2]))
+        second.append(any(_are_equal(stars[b][0], star) for star in stars[a][:2]))
     return float(np.mean(equal or [1])), float(np.mean(second or [1]))
 
 
-def _is_equal(a: Reading, b: Reading) -> bool:
-    return bool(a.star.isomorphisms(b.star))
+def list_stars(kb: KnowledgeBase) -> Stars:
+    """Return the stars of each visit in a knowledge base, best first, suggested ones included."""
+    return [tuple(r.star for r in visit.readings) for visit in kb.experience.visits]
+
+
+def _are_equal(a: Star, b: Star) -> bool:
+    return bool(a.isomorphisms(b))
 
 
 def pair_visits(kb: KnowledgeBase) -> list[tuple[int, int]]:
