@@ -72,6 +72,7 @@ def explain_change(
     *,
     order: bool = True,
     planarity: bool = True,
+    grown: tuple[MapTree, Node] | None = None,
 ) -> ChangeOfMind | None:
     """Compare the favourites before and after the latest visit of an experience.
 
@@ -81,6 +82,7 @@ def explain_change(
     before, after : the best maps of all visits but the latest, and of all visits.
     score : parameters of the log posterior.
     order, planarity : which axioms hold.
+    grown : the former favourite in a tree of all visits, where there is one; else it is grown anew.
 
     Returns
     -------
@@ -97,10 +99,11 @@ def explain_change(
     beliefs, last = list_beliefs(experience, before, after), len(experience) - 1
     if not beliefs:
         return None
-    known = replace(experience, visits=experience.visits[:last])
-    tree, node = grow_hypothesis(known, before, score, order=order, planarity=planarity)
-    tree.note_visit(experience.visits[last])
-    called, refusal, best = _find_refusal(tree, node)
+    if grown is None:
+        known = replace(experience, visits=experience.visits[:last])
+        grown = grow_hypothesis(known, before, score, order=order, planarity=planarity)
+        grown[0].note_visit(experience.visits[last])
+    called, refusal, best = _find_refusal(*grown)
     lost = (after.log_posterior or 0.0) - best
     told = [_tell_beliefs(experience, beliefs, last)]
     if refusal is not None:

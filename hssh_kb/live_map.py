@@ -36,6 +36,9 @@ class LiveMap:
     score : parameters of the log posterior; estimated from the visits if not given, anew when
         their number has doubled.
     order, planarity : which axioms hold.
+    work_per_arrival : units of work (see :mod:`hssh_kb.search_budget`) that an arrival may cost,
+        about; what is left undone is done on later arrivals. By default an arrival ends when no
+        map that waits is likely to be better.
 
     Attributes
     ----------
@@ -53,12 +56,14 @@ class LiveMap:
         score: Score | None = None,
         order: bool = True,
         planarity: bool = True,
+        work_per_arrival: float | None = None,
     ) -> None:
         self.experience = experience or Experience(())
         self._keywords = {"order": order, "planarity": planarity}
+        self._work = work_per_arrival
         self._tree = TreeOfMaps(score, experience=self.experience, **self._keywords)
-        self._tree.search()
-        self._lead = next(iter(self.best()), None)
+        self._tree.search(budget_work=self._work)
+        self._lead = self._tree.lead if self.experience.visits else None
 
     def arrive(self, visit: Visit, *, depart: int | None = None) -> ChangeOfMind | None:
         """Take in a visit and search on; say whether another map leads now, and why.
@@ -84,12 +89,19 @@ class LiveMap:
             previous = known[-1] = leave_visit(known[-1], depart)
         self._tree.extend(visit, previous=previous)
         self.experience = replace(self.experience, visits=(*known, visit))
-        self._tree.search()
-        before, self._lead = self._lead, next(iter(self.best()), None)
-        if before is None or self._lead is None:
+        self._tree.search(budget_work=self._work)
+        before, self._lead = self._lead, self._tree.lead
+        lead, tree = self._lead, self._tree.tree
+        if before is None or lead is None or lead.parent is before:
             return None
+        is_here = before.chain()[0] is tree.root
         return explain_change(
-            self.experience, before, self._lead, self._tree.score, **self._keywords
+            self.experience,
+            tree.hypothesis(before),
+            tree.hypothesis(lead),
+            self._tree.score,
+            **self._keywords,
+            grown=(tree, before) if is_here else None,
         )
 
     def best(self, count: int = 1) -> tuple[Hypothesis, ...]:
