@@ -56,6 +56,22 @@ def test_a_way_seen_as_a_sliver_is_surer_than_a_niche():
     assert sum(sliver.star.alpha) == 3
 
 
+def test_what_is_seen_no_further_than_an_alcove_is_in_doubt():
+    image = draw_tee(0)
+    image[86:98, 63:89] = 255  # its end is not seen
+    topology = read(image)
+    alcove = southern(topology)
+    assert alcove.outward_rad == pytest.approx(np.pi / 2, abs=0.3)
+    weighed = southern(weigh_gateways(topology, image, NOWHERE, **LIMITS))
+    assert weighed.confidence < 0.3 < alcove.confidence
+
+
+def test_off_the_grid_one_sees_for_ever():
+    image = draw_tee(40)
+    western = min(read(image).gateways, key=lambda g: g.centre_px[0])
+    assert see_through(western, classify(image).free) == len(image)
+
+
 def test_a_gateway_that_the_robot_went_through_is_sure():
     image = draw_tee(40)
     topology = read(image)
