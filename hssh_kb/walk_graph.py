@@ -31,6 +31,7 @@ Index = NDArray[np.intp]
 _MOST_TRAVELS = 2  # measurements of one corridor that are enough
 _LEAD = 4  # travels kept before one that is needed: they say where it heads
 _RECENT = 64  # travels never forgotten
+_ANY_RAD2 = (2 * np.pi) ** 2  # variance of a heading that was not measured
 _TIE_M = 1e-5  # visits to one place lie at least this far apart, in lengths of a travel
 
 
@@ -211,8 +212,11 @@ class WalkGraph:
         The latest visit must be at one of them. What is measured elsewhere is left out, which
         can only widen what is known.
         """
-        inside = places[self.place]
-        kept = inside[self.ends].all(axis=1)
+        kept = places[self.place[self.ends]].all(axis=1)
+        inside = np.zeros(len(self.poses), bool)
+        inside[self.first[places]] = inside[self.last] = True
+        inside[self.ends[kept & self.travelled].ravel()] = True
+        kept &= inside[self.ends].all(axis=1)
         number, name = np.cumsum(inside) - 1, np.cumsum(places) - 1
         part = WalkGraph(
             self.poses[inside],
@@ -235,4 +239,4 @@ def _invert_noise(x: float, y: float, turn: float, around_rad: float) -> Array:
     """Return the information matrix of a tie, in the frame of its place."""
     c, s = np.cos(around_rad), np.sin(around_rad)
     rotate = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
-    return np.asarray(rotate @ np.diag([1 / x, 1 / y, 1 / turn]) @ rotate.T)
+    return np.asarray(rotate @ np.diag([1 / x, 1 / y, 1 / min(turn, _ANY_RAD2)]) @ rotate.T)

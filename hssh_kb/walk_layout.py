@@ -22,6 +22,7 @@ _SAMPLES = 8
 _STEPS = 4
 _SPLU: dict[str, Any] = {"diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
 _NOWHERE = 1e-18
+_VAGUE = 1e-9  # information (1/m2, 1/rad2) below which a pivot is but rounding
 
 
 class Window(NamedTuple):
@@ -123,7 +124,8 @@ class _System:
     def take_covariance(self, factor: Any, nodes: Index) -> Array:  # noqa: ANN401
         """Return the joint covariance of nodes of the window: the end of the factor inverted."""
         size = 3 * self.inner
-        root = factor.L[:, -size:][-size:].toarray() * np.sqrt(factor.U.diagonal()[-size:])
+        pivots = np.maximum(factor.U.diagonal()[-size:], _VAGUE)
+        root = factor.L[:, -size:][-size:].toarray() * np.sqrt(pivots)
         lower, failed = dpotri(root, lower=1)
         if failed:
             raise InternalError("the layout of the walk has no covariance")
