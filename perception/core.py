@@ -183,11 +183,14 @@ def _find_anchor_point(skeleton: Skeleton, branch: Branch, k: int) -> int:
 
 
 def _find_dead_end(branch: Branch, outward: int) -> int:
-    """Return the last point of a branch before its clearance shrinks into the dead end."""
+    """Return the last point of a branch before its clearance shrinks into the dead end.
+
+    Only the last stretch of it tells how wide the dead end is: a bulge further off does not.
+    """
     radius, steps = branch.radius_px[::outward], branch.steps_px
     left_over = steps[-1] - steps if outward == 1 else steps[::-1]
-    final = left_over <= 3.0 * float(np.median(radius))
-    last = int(np.flatnonzero(radius >= 0.97 * radius[final].max())[-1])
+    final = left_over <= 2.0 * float(np.median(radius))
+    last = int(np.flatnonzero(radius >= 0.9 * radius[final].max())[-1])
     return last if outward == 1 else len(radius) - 1 - last
 
 

@@ -47,6 +47,9 @@ __all__ = ["PlaceReading", "PlaceSettings", "PlaceVisit", "detect_places"]
 REVIEW_STEP_M, REVIEW_MAX_M = 1.0, 4.5
 """A place is looked back at once a metre, until one is so far from its centre."""
 
+REVIEW_SAME_M = 2.0
+"""What is seen further than this from its centre then is another place."""
+
 NESTED_M, NESTED_SHARE = 3.0, 0.7
 """A place passed mostly within the passage of another, not farther from it, is a part of it."""
 
@@ -84,26 +87,38 @@ class _Candidate:
     sightings: list[Sighting] = field(default_factory=list)
     reviews: list[Sighting] = field(default_factory=list)
     denials: int = 0
+    denials_back: int = 0
     reviewed_m: float = 0.0
 
     def review(
-        self, scan: int, away: float, poses: Array, local: LocalMap, settings: PlaceSettings
+        self, scan: int, poses: Array, local: LocalMap, settings: PlaceSettings, others: Array
     ) -> None:
-        """Look back at the place from a little beyond, when both of its sides have been seen."""
+        """Look back at the place from a little beyond, when both of its sides have been seen.
+
+        What is nearer to the centre of one of the others (n, 2) speaks of that, not of this.
+        """
+        away = float(np.hypot(*(poses[scan, :2] - self.centre_m)))
         if away < self.reviewed_m + REVIEW_STEP_M or away > REVIEW_MAX_M:
             return
         self.reviewed_m = away
         sighting = read_topology(scan, poses, local, settings, at_m=self.centre_m)
         if sighting is None:
-            self.denials += 1
-        elif np.hypot(*(sighting.centre_m - self.centre_m)) < 2.0:
+            self.denials_back += 1
+            return
+        apart = float(np.hypot(*(sighting.centre_m - self.centre_m)))
+        if np.hypot(*(others - sighting.centre_m).T).min(initial=np.inf) < apart:
+            self.denials_back += 1
+        elif apart < REVIEW_SAME_M:
             self.reviews.append(sighting)
 
     def is_confirmed(self, settings: PlaceSettings) -> bool:
-        """Tell whether enough readings speak of a place here, and most of those taken here do."""
-        shares = [s.share for s in self.sightings + self.reviews]
-        denials = self.denials + len(shares) - sum(shares)
-        return len(shares) >= settings.confirmations and sum(shares) >= denials
+        """Tell whether enough readings speak of a place here, most of all and most taken here."""
+        here, back = ([s.share for s in group] for group in (self.sightings, self.reviews))
+        for_here, for_all = sum(here), sum(here) + sum(back)
+        against_here = self.denials + len(here) - for_here
+        against_all = against_here + self.denials_back + len(back) - sum(back)
+        enough = len(here) + len(back) >= settings.confirmations
+        return enough and for_here > against_here and for_all > against_all
 
     @property
     def centre_m(self) -> Array:
@@ -137,8 +152,9 @@ def detect_places(
         if sighting is not None:
             _assign(sighting, open_, settings)
         for candidate in list(open_):
+            others = [c.centre_m for c in open_ if c is not candidate]
+            candidate.review(scan, poses, local, settings, np.array(others).reshape(-1, 2))
             away = float(np.hypot(*(poses[scan, :2] - candidate.centre_m)))
-            candidate.review(scan, away, poses, local, settings)
             if sighting is None and away < max(candidate.radius_m, 1.0):
                 candidate.denials += 1
             if away > candidate.radius_m + 2.0 + settings.same_place_m:
@@ -146,7 +162,8 @@ def detect_places(
                 done.append(candidate)
     done += open_
     confirmed = (_passage(c, poses, settings) for c in done if c.is_confirmed(settings))
-    passages = _merge_returns([p for p in confirmed if p is not None], poses, settings)
+    passages = _drop_glimpses([p for p in confirmed if p is not None])
+    passages = _merge_returns(passages, poses, settings)
     passages = _separate(passages, poses)
     visits = (_commit(p, log, poses, settings) for p in passages)
     return tuple(visit for visit in visits if visit is not None)
@@ -196,6 +213,22 @@ def _passage(candidate: _Candidate, poses: Array, settings: PlaceSettings) -> _P
     while last < len(poses) - 1 and (distance[last + 1] < reach or last + 1 < scans[-1]):
         last += 1
     return _Passage(candidate, centre, radius, first, last, nearest)
+
+
+def _drop_glimpses(passages: list[_Passage]) -> list[_Passage]:
+    """Leave out places read once only in passing, close to one that was read more often.
+
+    Looking back at such a place, one sees the same bend of the same skeleton again.
+    """
+    return [
+        p
+        for p in passages
+        if len(p.candidate.sightings) > 1
+        or not any(
+            len(o.candidate.sightings) > 1 and np.hypot(*(o.centre_m - p.centre_m)) < NESTED_M
+            for o in passages
+        )
+    ]
 
 
 def _merge_returns(

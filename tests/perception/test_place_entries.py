@@ -67,3 +67,9 @@ def test_worlds_are_the_same_for_the_same_seed_and_differ_for_others():
     np.testing.assert_array_equal(one.segments, again.segments)
     assert one.segments.shape != other.segments.shape or (one.segments != other.segments).any()
     assert all(one.arms(k) for k in range(len(one.nodes)))
+
+
+def test_a_corner_seen_in_a_bend_beside_it_is_one_place():
+    world = draw_grid(10)  # coming from one side, the bend of the skeleton is seen 2 m too early
+    entries = enter_by_all(world, 0, PlaceSettings(), seed=10, look=True)
+    assert [len(entry.visits) for entry in entries] == [1, 1]

@@ -486,3 +486,18 @@ def test_best_reading_may_lack_a_doubtful_gateway() -> None:
     found = local_topology(image, resolution_m=0.1, robot_radius_m=0.2, min_depth_m=2.0)
     assert len(found.gateways) == 3
     assert {sum(reading.star.alpha) for reading in found.readings} == {2, 3}
+
+
+@pytest.mark.parametrize("row", [50, 80, 100])
+def test_a_dead_end_lies_at_the_end_though_the_way_is_wider_before(row):
+    plain = np.full((150, 150), 127, np.uint8)
+    plain[:120, 58:92] = 0
+    plain[:117, 62:88] = 255
+    bulged = plain.copy()
+    bulged[68:84, 60:90] = 255
+    ends = [
+        local_topology(image, robot_px=(75, row), resolution_m=0.1).base_px[0]
+        for image in (plain, bulged)
+    ]
+    assert 98 < ends[0][1] < 110
+    assert np.hypot(*(ends[0] - ends[1])) < 2
