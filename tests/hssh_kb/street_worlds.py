@@ -19,7 +19,9 @@ from itertools import pairwise
 from pathlib import Path
 
 import networkx as nx
+import numpy as np
 from networkx.utils import UnionFind
+from scipy.spatial import Delaunay
 from symbolic_walks import World
 
 from hssh_kb.consistency import MapState
@@ -68,6 +70,32 @@ def read_floor(path: Path) -> World:
     for edge in document["edges"]:
         graph.add_edge(edge["s0_id"], edge["s1_id"])
     return make_world(graph, merge_m=0.0, corners=True, look_m=0.0)
+
+
+def make_town(crossings: int, seed: int, *, block_m: float = 80.0, shut: float = 0.2) -> World:
+    """A town that nobody planned: streets between crossings strewn about, a share of them shut.
+
+    Two crossings are joined if no other lies in the circle over the street between them, which
+    leaves a plane graph (Gabriel & Sokal 1969) with corridors of many lengths.
+    """
+    rng = np.random.default_rng(seed)
+    side = math.ceil(math.sqrt(crossings))
+    spots = np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2)
+    spots = block_m * (spots[:crossings] + rng.uniform(-0.4, 0.4, (crossings, 2)))
+    graph = nx.Graph()
+    for name, spot in enumerate(spots.tolist()):
+        graph.add_node(name, spot=tuple(spot))
+    triangles = Delaunay(spots).simplices.tolist()
+    others: dict[tuple[int, int], list[int]] = {}
+    for one in triangles:
+        for k in range(3):
+            a, b, c = one[k], one[(k + 1) % 3], one[(k + 2) % 3]
+            others.setdefault((min(a, b), max(a, b)), []).append(c)
+    for (a, b), apexes in sorted(others.items()):
+        corners = [np.dot(spots[a] - spots[c], spots[b] - spots[c]) for c in apexes]
+        if min(corners) > 0 and rng.random() > shut:
+            graph.add_edge(a, b)
+    return make_world(graph, merge_m=5.0, corners=False, look_m=12.0)
 
 
 def make_world(graph: nx.Graph, *, merge_m: float, corners: bool, look_m: float) -> World:
