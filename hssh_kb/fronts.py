@@ -165,6 +165,10 @@ class Fronts:
         """Return how many living maps of a depth are grown."""
         return self.living[depth] - self.waiting[depth]
 
+    def list_grown(self, depth: int) -> list[float]:
+        """Return the worth of each living map of a depth that is grown, the worst first."""
+        return sorted(node.worth for node in self.list_living(depth) if not node.waits)
+
     def count_leaves(self) -> int:
         """Return how many maps wait, those put off among them."""
         return sum(self.waiting) + sum(not item[0].dead for rest in self._rests for item in rest)

@@ -15,6 +15,7 @@ the fronts and the learning are ours.
 
 from __future__ import annotations
 
+import bisect
 import math
 from collections.abc import Callable
 
@@ -45,7 +46,6 @@ _PROMISE_NATS = 8.0  # ... if they promise a map that near the best one
 _SWEPT = 0.5  # share of the budget for the fronts where travels slip; the rest is for revising
 _PATIENCE = 3  # stretches looked back at in vain before the search ends
 _LOOK_BACK_NATS = 10.0  # maps that much worse at the time are grown where the favourite went wrong
-_LOOK_BACK_WORK = 300_000  # units of work for that at most
 _ESTIMATED = (2, 4, 8, 16, 32, 64)  # visits known when the score is estimated anew
 _DETOURS = 4  # maps grown for each visit at most to get to the end when the budget is spent
 
@@ -86,9 +86,8 @@ class TreeOfMaps:
         self._slip = self._experience.slip
         self.spent = False
         self._reset(score)
-        visits = list(self._experience.visits)
         self._visits: list[Visit] = []
-        for visit in visits:
+        for visit in self._experience.visits:
             self._add(visit)
 
     def _reset(self, score: Score) -> None:
@@ -232,8 +231,6 @@ class TreeOfMaps:
         self._sweep_ever_wider(lambda: budget.is_spent(_SWEPT if slips else 1.0))
         if not self._fronts.living[-1]:
             self._finish()
-        elif not slips:
-            self._look_back(budget.allot(_LOOK_BACK_WORK))
         if slips:
             self._revise(budget)
         self.spent = budget.is_spent() or (
@@ -250,6 +247,8 @@ class TreeOfMaps:
         lead, start, is_enough = None, self.tree.work, is_over
         for stage in range(first, len(_STAGES)):
             self._sweep(stage, is_enough)
+            if self.score.slip == 0:
+                self._look_back(stage, is_enough)
             found = self.lead
             if found is not None and (found is lead or is_enough()):
                 return
@@ -258,20 +257,19 @@ class TreeOfMaps:
                 is_enough = self._end_by(end, is_over)
             lead = found
 
-    def _look_back(self, is_over: Callable[[], bool]) -> None:
+    def _look_back(self, stage: int, is_over: Callable[[], bool]) -> None:
         """Grow more maps where the best complete one shows that it went wrong, while that helps."""
-        patience, widest = _PATIENCE, len(_STAGES) - 1
+        patience = _PATIENCE
         while patience and not is_over():
             lead = self.lead
             chain = [] if lead is None else lead.chain()[1:]
-            new = -math.log(self.score.area_m2)
-            stretch = find_strange_stretch(chain, new, self._looked)
+            stretch = find_strange_stretch(chain, -math.log(self.score.area_m2), self._looked)
             if stretch is None:
                 return
             for depth in range(stretch.start, stretch.end):
                 self._extra[depth] += _LOOK_BACK_NATS
-            self._swept[widest] = stretch.start
-            self._sweep(widest, is_over)
+            self._swept[stage] = stretch.start
+            self._sweep(stage, is_over)
             patience = patience - 1 if self.lead is lead else _PATIENCE
 
     def _end_by(self, work: float, is_over: Callable[[], bool]) -> Callable[[], bool]:
@@ -296,16 +294,19 @@ class TreeOfMaps:
 
     def _widen(self, depth: int, stage: int, is_over: Callable[[], bool]) -> None:
         """Grow the best waiting maps of a depth until its front is as wide as it should be."""
-        width, share = _STAGES[stage]
+        width, share = _STAGES[-1 if self._extra[depth] else stage]
         fronts, slack = self._fronts, share * self._find_slack() + self._extra[depth]
-        while fronts.count_grown(depth) < width and not is_over():
+        grown = fronts.list_grown(depth)
+        while not is_over():
             top = fronts.top(depth)
-            near = top >= fronts.peak(depth) - slack
+            better = len(grown) - bisect.bisect_right(grown, top)
+            near = better < width and top >= fronts.peak(depth) - slack
             if top == -math.inf or not (near or fronts.count_grown(depth) == 0):
                 return
             node = fronts.take(depth)
             if node is not None:
                 self._expand(node)
+                bisect.insort(grown, node.worth)
 
     def _find_slack(self) -> float:
         """Return how far [nats] below the best of its depth a map is grown at once."""
@@ -313,8 +314,7 @@ class TreeOfMaps:
 
     def _measure_noise(self) -> float:
         """Return the standard deviation of the displacements as a share of a typical travel."""
-        known = max(len(self._visits) - 1, 1)
-        return math.sqrt(self._variance / known) / self.score.length_m
+        return math.sqrt(self._variance / max(len(self._visits) - 1, 1)) / self.score.length_m
 
     def _finish(self) -> None:
         """Take the best of the deepest maps to the last visit, whatever it costs them."""
