@@ -33,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write the files and print their names."""
     from hssh_kb.basic import is_basic_trace, load_basic_trace, write_basic_instance
+    from hssh_kb.cli.inputs import spare_inputs
     from hssh_kb.export import check_ending
     from hssh_kb.kb import KnowledgeBase
     from perception.atomic import write_atomically
@@ -47,7 +48,11 @@ def run(args: argparse.Namespace) -> int:
         write_atomically(Path(args.output), text.encode())
         files = [args.output]
     else:
-        files = [str(file) for file in KnowledgeBase.open(args.input).export(args.output)]
+        kb = KnowledgeBase.open(args.input)
+        written = {".pgm": (".pgm", ".yaml")}.get(ending, (ending,))
+        for each in written:
+            spare_inputs(Path(args.output).with_suffix(each), args.input, kb.record.source)
+        files = [str(file) for file in kb.export(args.output)]
     if args.json:
         print_json({"schema": "hssh.export/1", "files": files})
     else:

@@ -33,11 +33,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Draw the picture."""
+    from hssh_kb.cli.inputs import spare_inputs
     from hssh_kb.kb import KnowledgeBase
     from hssh_kb.show import check_ending
 
     check_ending(args.output)
     kb = KnowledgeBase.open(args.input)
+    spare_inputs(args.output, args.input, kb.record.source)
     route = (args.route[0], args.route[1]) if args.route else None
     kb.show(args.output, route=route, number=args.map)
     if args.json:
