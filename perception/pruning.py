@@ -12,6 +12,10 @@ from perception.geometry import Array
 from perception.grid import Mask
 from perception.region import Exit, Region
 from perception.skeleton import Branch, Node, Skeleton
+from perception.skeleton_graph import SkeletonGraph
+
+_TINY, _SPECK = 12, 4
+"""Points of a loop too small to go around anything, and of a part of the skeleton that is none."""
 
 
 def prune(skeleton: Skeleton, region: Region, *, min_depth_px: float) -> Skeleton:
@@ -25,68 +29,51 @@ def prune(skeleton: Skeleton, region: Region, *, min_depth_px: float) -> Skeleto
     ------
     Beeson 2008, 6.1.1 (frontier-based pruning); the depth rule is ours.
     """
-    pruned = _component(skeleton, region)
-    _drop_small_loops(pruned)
-    _join_all(pruned)
+    graph = SkeletonGraph(skeleton)
+    _keep_reached(graph, region)
+    graph.drop_tiny_loops(_TINY)
     while True:
-        leaf = _leaf_to_drop(pruned, region, min_depth_px)
+        leaf = _choose_leaf(graph, region, min_depth_px)
         if leaf is None:
-            return pruned
-        pruned.branches.remove(leaf)
-        _join_all(pruned)
-        _drop_small_loops(pruned)
-        _join_all(pruned)
+            return graph.to_skeleton()
+        graph.remove(leaf)
+        graph.drop_tiny_loops(_TINY)
 
 
-def _component(skeleton: Skeleton, region: Region) -> Skeleton:
-    """Return the connected part of the skeleton that the robot reaches first."""
-    if not skeleton.branches:
-        return Skeleton()
-    parent = {node: node for node in skeleton.nodes}
-
-    def root(node: int) -> int:
-        while parent[node] != node:
-            parent[node] = parent[parent[node]]
-            node = parent[node]
-        return node
-
-    for branch in skeleton.branches:
-        parent[root(branch.tail)] = root(branch.head)
-    if len({root(node) for node in skeleton.nodes}) == 1:
-        return Skeleton(dict(skeleton.nodes), list(skeleton.branches))
-    groups: dict[int, int] = {}
-    for branch in skeleton.branches:
-        size = len(branch.points_px)
-        groups[root(branch.tail)] = groups.get(root(branch.tail), 0) + size
-    branches = [b for b in skeleton.branches if groups[root(b.tail)] > 4]
-    if not branches:
-        branches = skeleton.branches
-    index, _ = find_closest(Skeleton(skeleton.nodes, branches), region, region.start)
-    home = root(branches[index].tail)
-    kept = [branch for branch in branches if root(branch.tail) == home]
-    return Skeleton({n: skeleton.nodes[n] for n in skeleton.nodes if root(n) == home}, kept)
+def _keep_reached(graph: SkeletonGraph, region: Region) -> None:
+    """Keep the connected part that the robot reaches first; specks do not count."""
+    parts = graph.list_parts()
+    if len(parts) < 2:
+        return
+    large = [part for part in parts if graph.count_points(part) > _SPECK] or parts
+    numbers = sorted(k for part in large for k in part)
+    reachable = Skeleton(graph.nodes, [graph.branches[k] for k in numbers])
+    index, _ = find_closest(reachable, region, region.start)
+    graph.keep_largest(numbers[index])
 
 
-def _leaf_to_drop(skeleton: Skeleton, region: Region, min_depth_px: float) -> Branch | None:
-    """Return the next branch that leads nowhere; None if all lead somewhere."""
-    degree = skeleton.degree()
-    shallow: list[tuple[float, int]] = []
-    for k, branch in enumerate(skeleton.branches):
+def _choose_leaf(graph: SkeletonGraph, region: Region, min_depth_px: float) -> int | None:
+    """Return the number of the next branch that leads nowhere; None if all lead somewhere.
+
+    Of dead ends the shortest goes first: where two are left, the longer one is the place's own.
+    """
+    degree = graph.degrees()
+    exits, dead, open_ = 0, list[tuple[int, int]](), list[tuple[int, int, Exit]]()
+    for k, branch in graph.branches.items():
         for leaf, base in ((branch.tail, branch.head), (branch.head, branch.tail)):
-            if degree[leaf] != 1 or degree[base] < 3:
+            if degree[leaf] != 1:
                 continue
-            if skeleton.nodes[leaf].exit is None:
-                return branch
-            if min_depth_px <= 0:
-                continue
-            exit_ = region.exits[skeleton.nodes[leaf].exit or 0]
-            depth = _depth(branch, skeleton.nodes[base], exit_)
-            if depth < min_depth_px:
-                shallow.append((depth, k))
-    if not shallow:
-        return None
-    exits = sum(1 for n in skeleton.nodes if degree[n] == 1 and skeleton.nodes[n].exit is not None)
-    return skeleton.branches[min(shallow)[1]] if exits > 1 else None
+            number = graph.nodes[leaf].exit
+            exits += number is not None
+            if degree[base] >= 3 and number is None:
+                dead.append((len(branch.points_px), k))
+            elif degree[base] >= 3 and number is not None:
+                open_.append((k, base, region.exits[number]))
+    if dead or exits < 2 or min_depth_px <= 0:
+        return min(dead)[1] if dead else None
+    depths = [(_depth(graph.branches[k], graph.nodes[b], exit_), k) for k, b, exit_ in open_]
+    depth, k = min(depths, default=(math.inf, -1))
+    return k if depth < min_depth_px else None
 
 
 def _depth(branch: Branch, base: Node, exit_: Exit) -> float:
@@ -129,42 +116,6 @@ def find_side_gaps(skeleton: Skeleton, region: Region, *, min_depth_px: float) -
             if exit_.width_px < 1.4 * base.radius_px and reach < min_depth_px:
                 found.append(number)
     return sorted(set(found))
-
-
-def _drop_small_loops(skeleton: Skeleton, size: int = 12) -> None:
-    """Drop loops and double branches too small to go around anything."""
-    kept: list[Branch] = []
-    short: set[tuple[int, int]] = set()
-    for branch in sorted(skeleton.branches, key=lambda b: len(b.points_px)):
-        key = (min(branch.tail, branch.head), max(branch.tail, branch.head))
-        if len(branch.points_px) < size:
-            if branch.tail == branch.head or key in short:
-                continue
-            short.add(key)
-        kept.append(branch)
-    skeleton.branches = kept
-
-
-def _join_all(skeleton: Skeleton) -> None:
-    """Join the two branches that meet in a node of degree two; forget nodes without branches."""
-    at: dict[int, list[Branch]] = {node: [] for node in skeleton.nodes}
-    for branch in skeleton.branches:
-        at[branch.tail].append(branch)
-        at[branch.head].append(branch)
-    for node in list(skeleton.nodes):
-        ends = at[node]
-        if not ends:
-            del skeleton.nodes[node]
-        elif len(ends) == 2 and ends[0] is not ends[1]:
-            one, two = ends
-            first = one if one.head == node else one.reversed()
-            joined = first.joined(two if two.tail == node else two.reversed())
-            skeleton.branches = [b for b in skeleton.branches if b is not one and b is not two]
-            skeleton.branches.append(joined)
-            for end, old in ((joined.tail, one), (joined.head, two)):
-                at[end] = [b for b in at[end] if b is not old] + [joined]
-            del skeleton.nodes[node]
-            del at[node]
 
 
 def find_closest(

@@ -45,6 +45,14 @@ class SkeletonGraph:
         loops = sum(self.branches[k].tail == self.branches[k].head for k in self.at[node])
         return len(self.at[node]) + loops
 
+    def degrees(self) -> dict[int, int]:
+        """Return how many branch ends each node has."""
+        count = dict.fromkeys(self.nodes, 0)
+        for branch in self.branches.values():
+            count[branch.tail] += 1
+            count[branch.head] += 1
+        return count
+
     def is_leaf(self, k: int) -> bool:
         """Tell whether a branch has one end where nothing else ends."""
         branch = self.branches[k]
@@ -145,43 +153,58 @@ class SkeletonGraph:
         self.at[branch.head].add(fresh)
         return fresh
 
+    def list_parts(self) -> list[list[int]]:
+        """Return the numbers of the branches of each connected part."""
+        seen, parts = set[int](), list[list[int]]()
+        for first in self.branches:
+            if first in seen:
+                continue
+            part, stack = list[int](), [first]
+            seen.add(first)
+            while stack:
+                k = stack.pop()
+                part.append(k)
+                for node in (self.branches[k].tail, self.branches[k].head):
+                    beyond = self.at[node] - seen
+                    seen |= beyond
+                    stack += beyond
+            parts.append(part)
+        return parts
+
+    def count_points(self, part: Sequence[int]) -> int:
+        """Return how many points some branches have together."""
+        return sum(len(self.branches[k].points_px) for k in part)
+
     def keep_largest(self, branch: int | None = None) -> None:
         """Remove all but the connected part with the most points, or that of a branch."""
-        part: dict[int, int] = {}
-        size: dict[int, int] = defaultdict(int)
-        for node in list(self.nodes):
-            stack = [node] if node not in part else []
-            while stack:
-                here = stack.pop()
-                if here in part:
-                    continue
-                part[here] = node
-                for k in self.at[here]:
-                    stack += [self.branches[k].tail, self.branches[k].head]
-        for one in self.branches.values():
-            size[part[one.tail]] += len(one.points_px)
-        best = max(size, key=lambda root: size[root], default=0)
+        parts = self.list_parts()
+        kept = max(parts, key=self.count_points, default=None)
         if branch is not None:
-            best = part[self.branches[branch].tail]
-        for k in [k for k, b in self.branches.items() if part[b.tail] != best]:
+            kept = next(part for part in parts if branch in part)
+        for k in (k for part in parts if part is not kept for k in part):
             gone = self.branches.pop(k)
             self.at[gone.tail].discard(k)
             self.at[gone.head].discard(k)
 
-    def drop_tiny_loops(self) -> None:
-        """Remove loops, and second links, too short to go around anything; join the chains."""
-        linked = set[tuple[int, int]]()
-        for k in sorted(self.branches, key=lambda k: len(self.branches[k].points_px)):
+    def drop_tiny_loops(self, tiny: int = _TINY) -> None:
+        """Remove loops, and second links, too short to go around anything; join the chains.
+
+        Parameters
+        ----------
+        tiny : they have fewer points than this.
+        """
+        linked, loose = set[tuple[int, int]](), set[int]()
+        short = [(len(b.points_px), k) for k, b in self.branches.items() if len(b.points_px) < tiny]
+        for _, k in sorted(short):
             branch = self.branches[k]
-            if len(branch.points_px) >= _TINY:
-                break
             link = (min(branch.tail, branch.head), max(branch.tail, branch.head))
             if branch.tail == branch.head or link in linked:
                 self.branches.pop(k)
+                loose.update(link)
                 for node in link:
                     self.at[node].discard(k)
             linked.add(link)
-        for node in list(self.at):
+        for node in loose:
             self.join_at(node)
 
     def measure_way(self, start: int, goal: int, without: int = -1) -> float:
