@@ -57,7 +57,8 @@ def test_a_map_that_forgets_its_places_is_strange_from_there_on():
 
 def test_the_search_finds_where_it_went_wrong(monkeypatch):
     truth = _walk(11, 12, 700, sigma=0.05)
-    monkeypatch.setattr(tree_search, "_STAGES", ((8, 0.5),))
+    monkeypatch.setattr(tree_search, "_AGAIN", 0)  # narrow fronts only
+    monkeypatch.setattr(tree_search, "_AGAIN_LEAST", 0)
     assert search_maps(truth.experience).maps[0].visits == truth.partition
     monkeypatch.setattr(tree_search, "find_strange_stretch", lambda *_: None)
     assert search_maps(truth.experience).maps[0].visits != truth.partition
