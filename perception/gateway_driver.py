@@ -51,10 +51,6 @@ class GatewayDriver:
     robot : at the first place, heading for the second.
     points : (n, 2) positions of the places of the tour, used for distances and turns only.
     progress : called with (places reached, places in all).
-
-    Attributes
-    ----------
-    reckoned : how many places were taken to be where told, as none was seen there.
     """
 
     def __init__(
@@ -69,7 +65,6 @@ class GatewayDriver:
         self._read_at: Array | None = None
         self._view: _View | None = None
         self._aligned_to: _View | None = None
-        self.reckoned = 0
         self._update_map()
 
     def drive(self) -> int:
@@ -117,7 +112,6 @@ class GatewayDriver:
             if way > length + _LATE_M:
                 return None
             if self._is_overdue(start, length, direction, stuck):
-                self.reckoned += 1
                 return view.centre if view is not None and view.at_place else here.copy()
             target = self._choose_target(view, direction)
             stuck = 0 if self._steer_to(target) else stuck + 1
