@@ -11,13 +11,13 @@ import time
 from dataclasses import dataclass, field
 
 import numpy as np
-from tests.bench.bench_search import SMALL, Small
-from tests.bench.pictures import FOLDER
 
 from hssh_kb.experience import Experience
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.score import estimate_score
 from hssh_kb.tree_search import TreeOfMaps
+from tests.bench.bench_search import SMALL, Small
+from tests.bench.pictures import FOLDER
 
 from symbolic_walks import Eyes, follow_route, make_grid, observe, walk_randomly  # isort: skip
 
