@@ -10,7 +10,8 @@ A place goes through four states. *Suspected*: the first reading that is no bare
 enough readings speak of it, also those that look back at it, and most of those taken here. *Left*:
 the robot is farther off than its gateways. *Committed*: passages of which one is part of the other,
 or between which the robot merely turned round, are one visit; those beside each other are two, with
-a travel of no length between them. What is left without being confirmed is dropped.
+a travel of no length between them. What is left without being confirmed is dropped, and so is a
+place of which walls have parted the robot.
 
 A visit keeps its local map, and readings relative to the centre of the place: the place's own frame
 has its origin there and the axes of the drive.
