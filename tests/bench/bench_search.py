@@ -51,6 +51,7 @@ class Row:
     seeds: int = 10
     trial: str = ""
     among: float = 0.0  # share with the truth among the first five
+    jitter: float = 0.0  # places lie that far off the grid at most, in edges, per axis
 
 
 NOISY = Eyes(sigma=0.1)
@@ -62,10 +63,12 @@ ROWS = (
     Row("8x8 of +, .05", 8, True, 300, Eyes(), 0.97, 1, 40, "4 of 4, 0.05 s"),
     Row("8x8 of +, no headings, .05", 8, True, 300, Eyes(headings=False), 0.90, 5, 10),
     Row("8x8 L T +, 15 % misread, .05", 8, False, 300, Eyes(wrong=0.15), 0.90, 5, 40),
-    Row("8x8 L T +, .10", 8, False, 300, NOISY, 0.80, 60, 20, "0 of 3", 0.95),
-    Row("8x8 of +, .10", 8, True, 300, NOISY, 0.80, 60, 20, "0 of 3", 0.95),
+    Row("8x8 L T +, .10", 8, False, 300, NOISY, 0.80, 60, 40, "0 of 3", 0.95),
+    Row("8x8 of +, .10", 8, True, 300, NOISY, 0.80, 60, 40, "0 of 3", 0.95),
+    Row("8x8 L T +, uneven, .10", 8, False, 300, NOISY, 0.80, 60, 10, "", 0.95, 0.2),
     Row("12x12 L T +, .05", 12, False, 700, Eyes(), 0.90, 30, 20, "1 of 3"),
-    Row("20x20 L T +, .03", 20, False, 1000, Eyes(sigma=0.03), 0.90, 30, 10, "2 of 3"),
+    Row("20x20 L T +, .03", 20, False, 1000, Eyes(sigma=0.03), 0.90, 30, 20, "2 of 3"),
+    Row("12x12 L T +, uneven, .05", 12, False, 700, Eyes(), 0.90, 30, 10, "", 0.0, 0.2),
 )
 
 
@@ -131,7 +134,7 @@ def _search_all(pool: ProcessPoolExecutor, row: Row) -> bool:
 
 def _observe(row: Row, seed: int) -> Truth:
     rng = np.random.default_rng(seed)
-    world = make_grid(row.size, row.size, stubs=row.stubs)
+    world = make_grid(row.size, row.size, stubs=row.stubs, jitter=row.jitter, rng=rng)
     return observe(world, walk_randomly(world, row.travels, rng), row.eyes, rng)
 
 
