@@ -170,7 +170,9 @@ def _find_refusal(tree: MapTree, node: Node) -> tuple[int, Refusal | None, float
     The rest is the log posterior of the map with its best way to take the visit.
     """
     state = tree.state_of(node)
-    options = [*tree.options(node), *tree.options(node, far=True)]
+    options = [*tree.options(node)]
+    if all(option.refusal is not None for option in options):
+        options += tree.options(node, far=True)
     left = [sum(option.addends) for option in options if option.refusal is None]
     best = max(left, default=-math.inf)
     depart = tree.leave(state, node.visit + 1)
