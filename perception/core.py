@@ -169,17 +169,11 @@ def _find_anchor_point(skeleton: Skeleton, branch: Branch, k: int) -> int:
     near = np.flatnonzero(gap <= np.maximum(branch.radius_px, branch.radius_px[k]))
     near = near[np.abs(steps[near] - steps[k]) <= 2.0 * branch.radius_px[k]]
     reach = 1.3 * branch.radius_px[near]
-    before, after = steps[near] - reach, steps[near] + reach
-    x, y = points.T
-    back = np.stack([np.interp(before, steps, x), np.interp(before, steps, y)], 1) - points[near]
-    ahead = np.stack([np.interp(after, steps, x), np.interp(after, steps, y)], 1) - points[near]
-    cosine = -np.sum(back * ahead, axis=1) / np.maximum(
-        np.hypot(*back.T) * np.hypot(*ahead.T), 1e-9
-    )
-    cosine[(before < -0.5 * reach) | (after > steps[-1] + 0.5 * reach)] = 1.0
-    if not len(near) or cosine.min() > math.cos(LEAST_BEND_RAD):
+    bend = branch.measure_bends(near, reach)
+    bend[(steps[near] < 0.5 * reach) | (steps[near] > steps[-1] - 0.5 * reach)] = 0.0
+    if not len(near) or bend.max() < LEAST_BEND_RAD:
         return other
-    return int(near[cosine.argmin()])
+    return int(near[bend.argmax()])
 
 
 def _find_dead_end(branch: Branch, outward: int) -> int:

@@ -169,17 +169,12 @@ def _split_ring(
 
 def _find_corners(branch: Branch, ends: Sequence[Node], resolution_m: float) -> list[int]:
     steps = branch.steps_px
-    x, y = branch.points_px.T
     reach = np.maximum(_ARM_M / resolution_m, 1.3 * branch.radius_px)
     inner = np.flatnonzero((steps > reach) & (steps < steps[-1] - reach))[::2]
     if not len(inner):
         return []
     here, reach = branch.points_px[inner], reach[inner]
-    before, after = steps[inner] - reach, steps[inner] + reach
-    back = here - np.stack([np.interp(before, steps, x), np.interp(before, steps, y)], 1)
-    ahead = np.stack([np.interp(after, steps, x), np.interp(after, steps, y)], 1) - here
-    cross = back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0]
-    bend = np.abs(np.arctan2(cross, np.sum(back * ahead, axis=1)))
+    bend = branch.measure_bends(inner, reach)
     for end in ends:
         gap = np.hypot(*(here - end.point_px).T)
         holds = np.maximum(branch.radius_px[inner], end.radius_px)

@@ -84,6 +84,25 @@ class Branch:
         before, after = int(far[k::-1].argmax()), int(far[k:].argmax())
         return k - before + 1 if before else 0, k + after if after else len(far)
 
+    def measure_bends(self, points: Index, reach_px: Array) -> Array:
+        """Return how far a branch turns at some of its points.
+
+        Parameters
+        ----------
+        points : (n,) indices. reach_px : (n,) the turn is that from the stretch of this length
+            before the point to that behind it; beyond its ends the branch stands still.
+
+        Returns
+        -------
+        (n,) radians, 0 to pi.
+        """
+        steps, (x, y), here = self.steps_px, self.points_px.T, self.points_px[points]
+        before, after = steps[points] - reach_px, steps[points] + reach_px
+        back = here - np.stack([np.interp(before, steps, x), np.interp(before, steps, y)], 1)
+        ahead = np.stack([np.interp(after, steps, x), np.interp(after, steps, y)], 1) - here
+        cross = back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0]
+        return np.asarray(np.abs(np.arctan2(cross, np.sum(back * ahead, axis=1))))
+
     @cached_property
     def steps_px(self) -> Array:
         """(n,) arc length from the tail to each point."""

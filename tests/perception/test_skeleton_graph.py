@@ -79,3 +79,11 @@ def test_points_within_a_distance_of_a_point(k: int, distance: float, expected: 
     assert there_and_back.within(0, 2.5) == (0, 3), (
         "a branch that comes back is not looked at again"
     )
+
+
+@pytest.mark.parametrize("turn_deg", [0.0, 30.0, 90.0, -120.0])
+def test_bend_of_a_branch(turn_deg: float) -> None:
+    x, y = 20 * np.cos(np.radians(turn_deg)), 20 * np.sin(np.radians(turn_deg))
+    bent = link(0, 1, (0, 0), (20, 0), 21).joined(link(1, 2, (20, 0), (20 + x, y), 21))
+    bends = bent.measure_bends(np.array([5, 20, 36]), np.full(3, 4.0))
+    assert np.degrees(bends).round(6).tolist() == [0.0, abs(turn_deg), 0.0]
