@@ -10,16 +10,18 @@ Source: ours.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
 from typing import NamedTuple
 
 from hssh_kb.node import Node
+from hssh_kb.score import Score
 
 _ROOM_NATS = 1.0  # a new place that leaves the known ones less room than that is strange
 _FIT_NATS = 3.0  # a closure so much less probable than a new place is strange
 _TURN_NATS = 1.0  # so are headings that cost more
 _STRANGE_NATS = 4.0  # in one stretch: then it is worth looking back
-_STRETCH = 20  # visits that may be strange for one reason
+LOOKED_AT = 20
+"""Visits that may be strange for one reason."""
 _BEFORE = 40  # visits before them among which the mistake is looked for
 _OFTEN = 2  # times that one stretch is looked into
 
@@ -48,23 +50,30 @@ def rate_strangeness(node: Node, new_nats: float) -> float:
 
 
 def find_strange_stretch(
-    chain: Sequence[Node], new_nats: float, tried: dict[int, int]
+    lead: Node | None, since: int, score: Score, tried: dict[int, int]
 ) -> Stretch | None:
     """Return the first stretch of a map that is strange and was not looked into often.
 
     Parameters
     ----------
-    chain : the map, one node a visit.
-    new_nats : layout addend of a new place.
+    lead : the map; None if there is none.
+    since : the first visit to look at.
+    score : parameters of the log posterior.
     tried : serial of the first strange node of a stretch -> how often it was looked into; counted
         up for the stretch returned.
     """
-    odd = [rate_strangeness(node, new_nats) for node in chain]
-    for node, nats in zip(chain, odd, strict=True):
-        v = node.visit
-        if nats == 0 or sum(odd[v : v + _STRETCH]) < _STRANGE_NATS:
+    chain, node = list[Node](), lead
+    while node is not None and node.visit >= max(since, 0):
+        chain.append(node)
+        node = node.parent
+    chain.reverse()
+    new_nats = -math.log(score.area_m2)
+    odd = [rate_strangeness(one, new_nats) for one in chain]
+    for k, one in enumerate(chain):
+        if odd[k] == 0 or sum(odd[k : k + LOOKED_AT]) < _STRANGE_NATS:
             continue
-        if tried.get(node.serial, 0) < _OFTEN:
-            tried[node.serial] = tried.get(node.serial, 0) + 1
-            return Stretch(max(0, v - _BEFORE), min(v + _STRETCH, len(chain) - 1), node)
+        if tried.get(one.serial, 0) < _OFTEN:
+            tried[one.serial] = tried.get(one.serial, 0) + 1
+            end = min(one.visit + LOOKED_AT, chain[-1].visit)
+            return Stretch(max(0, one.visit - _BEFORE), end, one)
     return None

@@ -22,7 +22,7 @@ from collections.abc import Callable
 from hssh_kb.errors import InputError
 from hssh_kb.experience import Experience, Visit
 from hssh_kb.fronts import Fronts
-from hssh_kb.hindsight import find_strange_stretch
+from hssh_kb.hindsight import LOOKED_AT, find_strange_stretch
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.map_tree import MapTree
 from hssh_kb.node import GATE_NATS, Node
@@ -34,7 +34,7 @@ from hssh_kb.search_budget import Budget
 
 _STAGES = ((8, 0.5), (32, 0.75), (128, 1.0))
 """Fronts narrow first, then wider: maps grown of one depth at most, and share of the slack."""
-_BLURRED = 0.075  # noise of travels beyond which narrow fronts lose the right map at once
+_BLURRED = 0.075  # noise of travels beyond which narrow fronts lose the right map: widest only
 _AGAIN = 2.0  # share of the work for the first complete map that widening may cost at most ...
 _AGAIN_LEAST = 100_000  # ... or this, where it was found soon
 _SLACK_NATS = 10.0  # maps that far below the best of their depth wait ...
@@ -45,7 +45,8 @@ _REPAIRS = 16  # repairs of one depth carried out at a time
 _PROMISE_NATS = 8.0  # ... if they promise a map that near the best one
 _SWEPT = 0.5  # share of the budget for the fronts where travels slip; the rest is for revising
 _PATIENCE = 3  # stretches looked back at in vain before the search ends
-_LOOK_BACK_NATS = 10.0  # maps that much worse at the time are grown where the favourite went wrong
+_LOOK_BACK_NATS = 10.0  # maps that much worse are grown where the favourite went wrong ...
+_MOST_EXTRA_NATS = 30.0  # ... each time that is looked into, up to that
 _ESTIMATED = (2, 4, 8, 16, 32, 64)  # visits known when the score is estimated anew
 _DETOURS = 4  # maps grown for each visit at most to get to the end when the budget is spent
 
@@ -98,6 +99,7 @@ class TreeOfMaps:
         self._swept = [0] * len(_STAGES)
         self._extra: list[float] = []
         self._looked: dict[int, int] = {}
+        self._look_from = 0
         self._variance = 0.0
         self._repairs = RepairQueue()
         self.nogoods: dict[int, list[Nogood]] = {}
@@ -164,8 +166,7 @@ class TreeOfMaps:
                     child.dead = True
                 else:
                     fronts.wait(child)
-        if best > -math.inf:
-            self._reached[node.visit + 1] = True
+        self._reached[node.visit + 1] |= best > -math.inf
         fixed = -1 if self.score.slip > 0 else tree.find_fixed(node)
         if node.stage == 1:
             for repair in propose_repairs(self.tree, node, options, best, fixed):
@@ -233,15 +234,13 @@ class TreeOfMaps:
             self._finish()
         if slips:
             self._revise(budget)
+        self._look_from = last - LOOKED_AT  # what is further back was looked at
         self.spent = budget.is_spent() or (
             max(self._swept) < last and self._fronts.count_leaves() > 0
         )
 
     def _sweep_ever_wider(self, is_over: Callable[[], bool]) -> None:
-        """Let the fronts grow, ever wider until that finds no better map.
-
-        Where travels slip or say little, narrow fronts find wrong maps: only the widest is tried.
-        """
+        """Let the fronts grow, ever wider until that finds no better map."""
         blurred = self.score.slip > 0 or self._measure_noise() > _BLURRED
         first = len(_STAGES) - 1 if blurred else 0
         lead, start, is_enough = None, self.tree.work, is_over
@@ -262,12 +261,11 @@ class TreeOfMaps:
         patience = _PATIENCE
         while patience and not is_over():
             lead = self.lead
-            chain = [] if lead is None else lead.chain()[1:]
-            stretch = find_strange_stretch(chain, -math.log(self.score.area_m2), self._looked)
+            stretch = find_strange_stretch(lead, self._look_from, self.score, self._looked)
             if stretch is None:
                 return
             for depth in range(stretch.start, stretch.end):
-                self._extra[depth] += _LOOK_BACK_NATS
+                self._extra[depth] = min(self._extra[depth] + _LOOK_BACK_NATS, _MOST_EXTRA_NATS)
             self._swept[stage] = stretch.start
             self._sweep(stage, is_over)
             patience = patience - 1 if self.lead is lead else _PATIENCE

@@ -1,7 +1,5 @@
 """Looking back: true maps are not strange, wrong ones are, and the search mends them there."""
 
-import math
-
 import numpy as np
 import pytest
 from symbolic_walks import Eyes, make_grid, observe, walk_randomly
@@ -20,10 +18,10 @@ def _walk(seed, size, travels, **eyes):
     return observe(world, walk_randomly(world, travels, rng), Eyes(**eyes), rng)
 
 
-def _chain(truth, hypothesis):
+def _grow(truth, hypothesis):
     score = estimate_score(truth.experience)
     _, node = grow_hypothesis(truth.experience, hypothesis, score, order=False, planarity=False)
-    return node.chain()[1:], -math.log(score.area_m2)
+    return node, score
 
 
 def _forget(hypothesis, since):
@@ -41,18 +39,21 @@ def _forget(hypothesis, since):
 def test_true_maps_are_not_strange(sigma):
     for seed in range(4):
         truth = _walk(seed, 6, 150, sigma=sigma)
-        assert find_strange_stretch(*_chain(truth, truth.hypothesis()), {}) is None
+        lead, score = _grow(truth, truth.hypothesis())
+        assert find_strange_stretch(lead, 0, score, {}) is None
 
 
 def test_a_map_that_forgets_its_places_is_strange_from_there_on():
     truth = _walk(0, 5, 100, sigma=0.05)
-    chain, new = _chain(truth, _forget(truth.hypothesis(), 60))
-    assert not any(rate_strangeness(node, new) > 0 for node in chain[:60])
+    lead, score = _grow(truth, _forget(truth.hypothesis(), 60))
+    assert not any(rate_strangeness(node, 0.0) > 0 for node in lead.chain()[1:61])
     tried = {}
-    stretch = find_strange_stretch(chain, new, tried)
+    stretch = find_strange_stretch(lead, 0, score, tried)
     assert stretch.start < 60 <= stretch.strange.visit < 70 <= stretch.end
-    assert find_strange_stretch(chain, new, tried) == stretch
-    assert find_strange_stretch(chain, new, tried).strange.visit > stretch.strange.visit
+    assert find_strange_stretch(lead, 0, score, tried) == stretch
+    assert find_strange_stretch(lead, 0, score, tried).strange.visit > stretch.strange.visit
+    assert find_strange_stretch(lead, 80, score, {}).strange.visit >= 80
+    assert find_strange_stretch(None, 0, score, {}) is None
 
 
 def test_the_search_finds_where_it_went_wrong(monkeypatch):
