@@ -8,6 +8,7 @@ that Beeson 2008, 5.3.2, lets a robot with such a lidar make. The published figu
 without an error (with that turn).
 
 A crossing whose arms continue each other by 28 to 52 degrees has no one right star: it is left out.
+What fails are mostly arms that end within the local map: seen to its end, an arm is no way on.
 Pictures of what failed are written to the folder HSSH_PICTURES, if it is set, else to a new one
 among the temporary files.
 """
