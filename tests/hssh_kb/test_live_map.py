@@ -82,6 +82,17 @@ def test_arrivals_end_where_the_whole_search_does(seed):
     assert kb.ranked_by == "posterior"
 
 
+@pytest.mark.parametrize("work", [20, 200])
+def test_arrivals_that_may_cost_little_come_to_the_same_map(work):
+    """What an arrival leaves undone is done later; there is a map of all visits at any time."""
+    truth = _walk(1, 40)
+    live = LiveMap(score=estimate_score(truth.experience), work_per_arrival=work)
+    for v, visit in enumerate(truth.experience.visits):
+        live.arrive(visit)
+        assert len(live.best()[0].visits) == v + 1
+    assert live.best()[0].visits == truth.partition
+
+
 def test_an_extended_knowledge_base_leaves_the_old_one_alone():
     truth = _walk(3, 20)
     visits = truth.experience.visits

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import networkx as nx
 import pytest
-from street_worlds import check_world, make_world, read_floor
+from street_worlds import check_world, make_town, make_world, read_floor
 
 DATA = Path(os.environ.get("HSSH_DATA") or Path(__file__).resolve().parents[3] / "shared" / "data")
 
@@ -51,6 +51,16 @@ def test_what_passes_over_the_streets_is_left_out():
     bridged = _make(_graph(spots, [*streets, ((0, 1), (3, 2))]), corners=True)
     assert plain.corridors.keys() == bridged.corridors.keys()
     assert check_world(bridged) == ()
+
+
+def test_towns_are_such_as_the_theory_allows():
+    one, same, other = (make_town(120, seed) for seed in (0, 0, 1))
+    assert check_world(one) == ()
+    assert check_world(other) == ()
+    assert one == same
+    assert one.positions != other.positions
+    assert 90 <= len(one.positions) <= 120
+    assert max(one.lengths.values()) > 2 * min(one.lengths.values())
 
 
 def test_a_street_that_would_meet_itself_is_cut():
