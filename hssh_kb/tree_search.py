@@ -47,6 +47,7 @@ _SWEPT = 0.5  # share of the budget for the fronts where travels slip; the rest 
 _PATIENCE = 3  # stretches looked back at in vain before the search ends
 _LOOK_BACK_NATS = 10.0  # maps that much worse are grown where the favourite went wrong ...
 _MOST_EXTRA_NATS = 30.0  # ... each time that is looked into, up to that
+_LOOK_BACK_WORK = 600_000  # units of work after which a search looks back no more
 _ESTIMATED = (2, 4, 8, 16, 32, 64)  # visits known when the score is estimated anew
 _DETOURS = 4  # maps grown for each visit at most to get to the end when the budget is spent
 
@@ -247,7 +248,7 @@ class TreeOfMaps:
         for stage in range(first, len(_STAGES)):
             self._sweep(stage, is_enough)
             if self.score.slip == 0:
-                self._look_back(stage, is_enough)
+                self._look_back(stage, self._end_by(start + _LOOK_BACK_WORK, is_enough))
             found = self.lead
             if found is not None and (found is lead or is_enough()):
                 return
