@@ -171,5 +171,5 @@ def test_faults_of_a_drawn_map_are_told(tmp_path, content, suffix, told):
 
 
 def test_missing_map_file_is_told(tmp_path):
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="no such file"):
         check_map(tmp_path / "none.json")
