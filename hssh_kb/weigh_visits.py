@@ -89,7 +89,7 @@ class VisitWeigher:
         if state.prediction is None:
             self.work += 1 + len(state.filter.places) // 50
             move = self.visits[visit].displacement
-            told = None if self._is_known(state, visit) else self._tell_travel(state, visit)
+            told = None if self._is_known(state, visit) else self._tell_travel(visit, state.reading)
             move = move if told is None else told.move
             state.prediction = state.filter.predict(move, self.score.length_m)
             if state.prediction.filter is not state.filter:
@@ -108,33 +108,35 @@ class VisitWeigher:
         depart = self.leave(state, visit)
         return depart is None or state.judge.follow(state.place, depart) is not None
 
-    def _tell_travel(self, state: LeafState, visit: int) -> Told | None:
-        """Return what a travel tells if it is the first through its corridor; None if no more."""
+    def _tell_travel(self, visit: int, read: int) -> Told | None:
+        """Return what a travel tells if it is the first through its corridor; None if no more.
+
+        ``read`` is the reading of the visit left.
+        """
         prior, move = self.score.travels, self.visits[visit].displacement
         if prior is None or move is None:
             return None
-        key = visit, state.reading
-        known = self._told.get(key)
+        known = self._told.get((visit, read))
         if known is None:
-            heading = find_heading(self.visits[visit - 1].readings[state.reading])
-            known = self._told[key] = prior.sharpen(move, heading)
+            heading = find_heading(self.visits[visit - 1].readings[read])
+            known = self._told[visit, read] = prior.sharpen(move, heading)
         return known
 
     def _weigh_travel(self, state: LeafState, v: int) -> float:
         """Return what is taken off for a travel that any corridor would have explained as well."""
-        told = self._tell_travel(state, v)
+        told = self._tell_travel(v, state.reading)
         if told is None or not self._is_known(state, v):
             return 0.0
         return -told.log_density - math.log(self.score.area_m2)
 
     def bound_visit(self, v: int) -> float:
         """Return the most that a visit can ever add to the log posterior (a safe bound)."""
-        move, prior = self.visits[v].displacement, self.score.travels
+        move = self.visits[v].displacement
         known = self.score.bound_travel(None if move is None else move.cov)
         bound = known
-        if prior is not None and move is not None:
-            for before in self.visits[v - 1].readings:
-                told = prior.sharpen(move, find_heading(before))
+        for read in range(len(self.visits[v - 1].readings)):
+            told = self._tell_travel(v, read)
+            if told is not None:
                 off = -told.log_density - math.log(self.score.area_m2)
                 bound = max(bound, known + off, self.score.bound_travel(told.move.cov))
         return bound + max(math.log(reading.weight) for reading in self.visits[v].readings)
