@@ -156,7 +156,7 @@ def check_claim(
         reached, sure = find_clash(experience, claim._replace(doubted=frozenset()))
     begun = replace(experience, visits=experience.visits[: reached + 1])
     answer = check(begun, list_assumptions(claim.places[: reached + 1]), budget_s=budget_s)
-    if answer.status != "consistent" or (sure and reached < visits):
+    if answer.status != "consistent" or sure:
         return answer
     return check(experience, list_assumptions(claim.places), budget_s=budget_s)
 
