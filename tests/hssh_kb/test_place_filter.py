@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from symbolic_walks import Eyes, make_grid, observe, walk_randomly
+from symbolic_walks import Eyes
+from true_filters import follow_truth, walk_grid
 
 from hssh_kb import town, walk_graph
 from hssh_kb.experience import Displacement
@@ -15,35 +16,14 @@ from hssh_kb.score import estimate_score
 HEADING_VAR = 1e-3**2
 
 
-def _walk(size, travels, eyes, seed):
-    rng = np.random.default_rng(seed)
-    world = make_grid(size, size)
-    return observe(world, walk_randomly(world, travels, rng), eyes, rng)
-
-
-def _follow(truth):
-    """Yield the filter after each visit of the true map, and the place numbers."""
-    state, number = PlaceFilter.start(), {0: 0}
-    for v, first in enumerate(truth.partition):
-        if v == 0:
-            continue
-        prediction = state.predict(truth.experience.visits[v].displacement, 1.0)
-        if first == v:
-            number[v] = prediction.filter.count
-            state = prediction.found_place()
-        else:
-            state = prediction.close(number[first], 0.0, (1e-9, 1e-9, HEADING_VAR))
-        yield state, prediction
-
-
 def _shrink(monkeypatch, most=24, around=12):
     monkeypatch.setattr(town, "MOST_PLACES", most)
     monkeypatch.setattr(town, "_AROUND", around)
 
 
 def test_small_worlds_are_held_whole():
-    truth = _walk(8, 100, Eyes(), 0)
-    for state, _ in _follow(truth):
+    truth = walk_grid(8, 100, Eyes(), 0)
+    for _, state in follow_truth(truth):
         assert len(state.places) == state.count
         assert state.slots == {p: p for p in range(state.count)}
 
@@ -51,13 +31,13 @@ def test_small_worlds_are_held_whole():
 @pytest.mark.parametrize("seed", range(2))
 def test_windows_change_nothing_where_headings_are_exact(monkeypatch, seed):
     """Then the problem is linear: each window is the marginal of the whole, to rounding."""
-    truth = _walk(6, 120, Eyes(sigma=0.05, heading_rad=1e-6), seed)
+    truth = walk_grid(6, 120, Eyes(sigma=0.05, heading_rad=1e-6), seed)
     monkeypatch.setattr(walk_graph, "_MOST_TRAVELS", 10**6)
-    whole = list(_follow(truth))
+    whole = list(follow_truth(truth))
     _shrink(monkeypatch)
-    windowed = list(_follow(truth))
-    assert min(len(state.places) for state, _ in windowed[-50:]) < whole[-1][0].count
-    for (state, ahead), (held, seen) in zip(whole, windowed, strict=True):
+    windowed = list(follow_truth(truth))
+    assert min(len(state.places) for _, state in windowed[-50:]) < whole[-1][1].count
+    for (ahead, state), (seen, held) in zip(whole, windowed, strict=True):
         for place in held.places.tolist():
             if place < seen.filter.count and place in seen.filter.slots:
                 mine, theirs = seen.measure(place, 0.0), ahead.measure(place, 0.0)
@@ -70,7 +50,7 @@ def test_windows_change_nothing_where_headings_are_exact(monkeypatch, seed):
 @pytest.mark.parametrize("seed", range(2))
 def test_windows_score_as_the_whole_does(monkeypatch, seed):
     """Windows linearise afresh, so with headings unsure the scores agree to tenths of a nat."""
-    truth = _walk(6, 120, Eyes(sigma=0.03), seed)
+    truth = walk_grid(6, 120, Eyes(sigma=0.03), seed)
     score = estimate_score(truth.experience)
     whole = score_hypothesis(truth.experience, truth.hypothesis(), score).log_posterior
     _shrink(monkeypatch)
@@ -80,13 +60,13 @@ def test_windows_score_as_the_whole_does(monkeypatch, seed):
 
 def test_forgetting_measurements_only_widens(monkeypatch):
     """Rayleigh: leaving out a measurement never makes a covariance smaller."""
-    truth = _walk(5, 150, Eyes(sigma=0.05, heading_rad=1e-6), 1)
+    truth = walk_grid(5, 150, Eyes(sigma=0.05, heading_rad=1e-6), 1)
     _shrink(monkeypatch, most=18, around=9)
     monkeypatch.setattr(walk_graph, "_RECENT", 20)
     spreads = {}
     for most in (10**6, 1):
         monkeypatch.setattr(walk_graph, "_MOST_TRAVELS", most)
-        ahead = [seen for _, seen in _follow(truth)][-1]
+        ahead = [seen for seen, _ in follow_truth(truth)][-1]
         spreads[most] = {
             place: np.array(ahead.measure(place, 0.0).cov)[:2, :2]
             for place in ahead.filter.places.tolist()
@@ -102,17 +82,17 @@ def test_walk_graph_does_not_grow_with_the_walk(monkeypatch):
     """Round and round: the visits remembered are bounded by the corridors, not by the travels."""
     _shrink(monkeypatch, most=18, around=12)
     monkeypatch.setattr(walk_graph, "_RECENT", 20)
-    truth = _walk(5, 500, Eyes(sigma=0.03), 2)
-    kept = [len(state.town.graph.poses) for state, _ in _follow(truth)]
+    truth = walk_grid(5, 500, Eyes(sigma=0.03), 2)
+    kept = [len(state.town.graph.poses) for _, state in follow_truth(truth)]
     assert max(kept[250:]) <= 1.1 * max(kept[:250])
 
 
 def test_every_place_within_the_gate_is_held(monkeypatch):
     """A place that the visit may be at is in the window, however it was reached."""
-    truth = _walk(6, 120, Eyes(sigma=0.05), 3)
-    whole = [ahead for _, ahead in _follow(truth)]
+    truth = walk_grid(6, 120, Eyes(sigma=0.05), 3)
+    whole = [ahead for ahead, _ in follow_truth(truth)]
     _shrink(monkeypatch)
-    for ahead, (_, seen) in zip(whole, _follow(truth), strict=True):
+    for ahead, (seen, _) in zip(whole, follow_truth(truth), strict=True):
         for place in range(ahead.filter.count):
             gap = np.array(ahead.measure(place, 0.0).residual[:2])
             cov = np.array(ahead.measure(place, 0.0).cov)[:2, :2] + 1e-9 * np.eye(2)

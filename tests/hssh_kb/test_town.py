@@ -4,32 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from symbolic_walks import Eyes, make_grid, observe, walk_randomly
+from symbolic_walks import Eyes
+from true_filters import follow_truth, walk_grid
 
 from hssh_kb import place_filter, town, walk_graph
 from hssh_kb.map_tree import score_hypothesis
-from hssh_kb.place_filter import PlaceFilter
 from hssh_kb.score import estimate_score
 from hssh_kb.walk_layout import lay_out
-
-
-def _walk(size, travels, eyes, seed):
-    rng = np.random.default_rng(seed)
-    world = make_grid(size, size)
-    return observe(world, walk_randomly(world, travels, rng), eyes, rng)
-
-
-def _follow(truth, heading_var=1e-6):
-    """Yield the prediction of each visit of the true map, and the filter after it."""
-    state, number = PlaceFilter.start(), {0: 0}
-    for v, first in enumerate(truth.partition[1:], 1):
-        ahead = state.predict(truth.experience.visits[v].displacement, 1.0)
-        if first == v:
-            number[v] = ahead.filter.count
-            state = ahead.found_place()
-        else:
-            state = ahead.close(number[first], 0.0, (1e-9, 1e-9, heading_var))
-        yield ahead, state
 
 
 def _shrink(monkeypatch, part, visits_per_whole=4):
@@ -41,12 +22,12 @@ def _shrink(monkeypatch, part, visits_per_whole=4):
 
 def test_a_part_is_never_surer_than_the_whole(monkeypatch):
     """With headings exact the problem is linear, and leaving out measurements only widens."""
-    truth = _walk(8, 200, Eyes(sigma=0.05, heading_rad=1e-6), 0)
+    truth = walk_grid(8, 200, Eyes(sigma=0.05, heading_rad=1e-6), 0)
     monkeypatch.setattr(walk_graph, "_MOST_TRAVELS", 10**6)
-    whole = [ahead for ahead, _ in _follow(truth)]
+    whole = [ahead for ahead, _ in follow_truth(truth)]
     _shrink(monkeypatch, part=14)
     wider, count = [], 0
-    for ahead, (seen, _) in zip(whole, _follow(truth), strict=True):
+    for ahead, (seen, _) in zip(whole, follow_truth(truth), strict=True):
         count += seen.filter.town.since > 0
         for place in seen.filter.places.tolist():
             one = np.array(seen.measure(place, 0.0).cov)[:2, :2]
@@ -59,7 +40,7 @@ def test_a_part_is_never_surer_than_the_whole(monkeypatch):
 
 @pytest.mark.parametrize("seed", range(2))
 def test_parts_score_much_as_the_whole_does(monkeypatch, seed):
-    truth = _walk(7, 160, Eyes(sigma=0.03), seed)
+    truth = walk_grid(7, 160, Eyes(sigma=0.03), seed)
     score = estimate_score(truth.experience)
     whole = score_hypothesis(truth.experience, truth.hypothesis(), score).log_posterior
     _shrink(monkeypatch, part=20)
@@ -72,13 +53,13 @@ def test_places_outside_are_not_thought_nearer_than_they_may_be(monkeypatch):
     _shrink(monkeypatch, part=16)
     worst = []
     for seed in range(2):
-        truth = _walk(8, 200, Eyes(sigma=0.05), seed)
+        truth = walk_grid(8, 200, Eyes(sigma=0.05), seed)
         where = {}
         for v, first in enumerate(truth.partition):
             if first == v:
                 where[len(where)] = truth.places[v]
         cells = np.array([divmod(where[p], 8)[::-1] for p in range(len(where))], float)
-        for v, (ahead, _) in enumerate(_follow(truth)):
+        for v, (ahead, _) in enumerate(follow_truth(truth)):
             held = ahead.filter.town
             if ahead.filter.log is not None or not held.outside.any():
                 continue  # only windows just made
@@ -98,8 +79,8 @@ def test_places_outside_are_not_thought_nearer_than_they_may_be(monkeypatch):
 def test_headings_that_no_closure_measured_leave_no_part_undetermined(monkeypatch):
     """Closures whose heading was refused tell positions only; every part can still be laid out."""
     _shrink(monkeypatch, part=12, visits_per_whole=2)
-    truth = _walk(7, 200, Eyes(sigma=0.03), 1)
-    for _, state in _follow(truth, heading_var=math.inf):
+    truth = walk_grid(7, 200, Eyes(sigma=0.03), 1)
+    for _, state in follow_truth(truth, heading_var=math.inf):
         assert np.isfinite(state.mean).all()
         assert np.isfinite(state.visit_cov).all()
         assert (np.einsum("iaa->ia", state.own) > -1e-9).all()
@@ -107,8 +88,8 @@ def test_headings_that_no_closure_measured_leave_no_part_undetermined(monkeypatc
 
 def test_a_part_is_joined_by_the_shortest_ways(monkeypatch):
     _shrink(monkeypatch, part=10)
-    truth = _walk(7, 150, Eyes(sigma=0.03), 2)
-    *_, (_, state) = _follow(truth)
+    truth = walk_grid(7, 150, Eyes(sigma=0.03), 2)
+    *_, (_, state) = follow_truth(truth)
     graph = state.town.graph
     wanted = np.zeros(len(graph.first), bool)
     wanted[0] = True
