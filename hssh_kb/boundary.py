@@ -10,6 +10,7 @@ from hssh_kb.errors import BudgetError
 from hssh_kb.experience import Experience
 from hssh_kb.finished import claim_to_facts
 from hssh_kb.hypothesis import Hypothesis
+from hssh_kb.search_budget import tell_rest
 from hssh_kb.solver import Symbol, solve_all, solve_minimal
 from hssh_kb.theory import read_programs
 
@@ -94,7 +95,7 @@ def find_boundaries(
     end = None if budget_s is None else time.monotonic() + budget_s
     found = list[Boundary]()
     for name, on in sorted(places.items()):
-        rest = None if end is None else max(end - time.monotonic(), 0.0)
+        rest = tell_rest(end)
         share = None if rest is None else rest / (len(places) - len(found))
         found.append(_find_regions(name, tuple(sorted(on)), facts, share))
     return tuple(found)

@@ -23,6 +23,7 @@ from hssh_kb.program import (
     strict_program,
     variant_program,
 )
+from hssh_kb.search_budget import tell_rest
 from hssh_kb.solver import Models, is_satisfiable, solve_all
 from hssh_kb.subsets import OutOfTimeError
 from hssh_kb.variant import Variant
@@ -97,11 +98,11 @@ def enumerate_maps(
         if found.maps or not found.complete:
             return found
     broken = find_inconsistent_visit(
-        experience, order=order, planarity=planarity, budget_s=_rest(end), variant=variant
+        experience, order=order, planarity=planarity, budget_s=tell_rest(end), variant=variant
     )
     if broken is None:
         return Enumeration((), complete=False)
-    kept = _enumerate(experience, broken, order, planarity, limit, _rest(end), engine, variant)
+    kept = _enumerate(experience, broken, order, planarity, limit, tell_rest(end), engine, variant)
     return Enumeration(kept.maps, kept.complete, inconsistent_from=broken)
 
 
@@ -138,7 +139,7 @@ def find_inconsistent_visit(
                 program = variant_program(
                     experience, variant, order=order, planarity=planarity, visits=count
                 )
-                return is_satisfiable(program, _rest(end))
+                return is_satisfiable(program, tell_rest(end))
         if order:  # the least map is a tree, so planarity never decides
             begun = replace(experience, visits=experience.visits[:count])
             oracle = Oracle(begun, (), planarity=False, end=end)
@@ -147,7 +148,7 @@ def find_inconsistent_visit(
             except OutOfTimeError:
                 return None
         program = strict_program(experience, order=order, planarity=planarity, visits=count)
-        return is_satisfiable(program, _rest(end))
+        return is_satisfiable(program, tell_rest(end))
 
     low, high = 1, len(experience) + 1  # low visits have a map; high is open
     step = 1
@@ -211,7 +212,7 @@ def minimal_maps(
         raise UsageError("subset minimality goes neither with weakened axioms nor with assumptions")
 
     def find(count: int) -> Enumeration:
-        rest = _rest(end)
+        rest = tell_rest(end)
         with blame_variant(variant):
             if minimal == "subset":
                 found = best_by_subset(experience, count, policy, planarity, limit, rest, variant)
@@ -221,12 +222,12 @@ def minimal_maps(
                 )
         return _gather(found)
 
-    if supposed or not variant.is_plain or not _contradicts_itself(experience, _rest(end)):
+    if supposed or not variant.is_plain or not _contradicts_itself(experience, tell_rest(end)):
         found = find(len(experience))
         if found.maps or not found.complete or supposed:
             return found
     broken = find_inconsistent_visit(
-        experience, planarity=planarity, budget_s=_rest(end), variant=variant
+        experience, planarity=planarity, budget_s=tell_rest(end), variant=variant
     )
     if broken is None:
         return Enumeration((), complete=False)
@@ -303,10 +304,6 @@ def _deadline(limit: int | None, budget_s: float | None) -> float | None:
     if not budget_s > 0:
         raise UsageError(f"the budget must be more than 0 seconds, not {budget_s:g}")
     return time.monotonic() + budget_s
-
-
-def _rest(end: float | None) -> float | None:
-    return None if end is None else max(end - time.monotonic(), 0.0)
 
 
 def path_classes(experience: Experience, hypothesis: Hypothesis) -> tuple[tuple[Dstate, ...], ...]:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from hssh_kb.congruence import Assumption
 from hssh_kb.experience import Experience
 from hssh_kb.hypothesis import Hypothesis
+from hssh_kb.search_budget import tell_rest
 from hssh_kb.solver import Symbol, solve_best
 from hssh_kb.subsets import OutOfTimeError
 from hssh_kb.witness import WitnessSearch
@@ -183,7 +184,7 @@ class Oracle:
                 f"reading({v},{r})" for v, r in sorted(one.readings.items()) if self._several(v)
             )
             lines.append(f":- {body}.")
-        rest = None if self.end is None else max(self.end - time.monotonic(), 0.0)
+        rest = tell_rest(self.end)
         program = "\n".join([*lines, "#show reading/2."])
         best = solve_best(program, _read_choice, limit=1, budget_s=rest)
         if best.found:

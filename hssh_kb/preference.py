@@ -20,6 +20,7 @@ from hssh_kb.program import (
     variant_program,
 )
 from hssh_kb.ranking import measure_map
+from hssh_kb.search_budget import tell_rest
 from hssh_kb.solver import Models, Symbol, solve_best, solve_minimal
 from hssh_kb.theory import policy_levels, policy_program
 from hssh_kb.variant import Variant
@@ -59,7 +60,7 @@ def best_by_cardinality(
     program += assumption_facts(enumerate(supposed))
     end = None if budget_s is None else time.monotonic() + budget_s
     while True:
-        rest = None if end is None else max(end - time.monotonic(), 0.0)
+        rest = tell_rest(end)
         seen: list[int] = []
         convert = _make_counting_converter(experience, count, planarity, seen)
         models = solve_best(program, convert, limit=limit, budget_s=rest)

@@ -52,6 +52,17 @@ class Budget:
         return lambda: self._count_work() >= end or self.is_spent()
 
 
+def tell_rest(end: float | None) -> float | None:
+    """Return the seconds until an instant (``time.monotonic``), 0 once it is over; None for ever.
+
+    Examples
+    --------
+    >>> tell_rest(None), tell_rest(time.monotonic() - 1)
+    (None, 0.0)
+    """
+    return None if end is None else max(end - time.monotonic(), 0.0)
+
+
 def allow_seconds(visits: int) -> float:
     """Return the seconds of wall time after which a search of so many visits is ended by default.
 
