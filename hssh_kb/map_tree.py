@@ -138,7 +138,8 @@ class MapTree(VisitWeigher):
                 seen[place] += told[1]
                 bearings = tuple(seen)
             judge = judge.join(state.place, depart, place, enter, v)
-        return LeafState(judge, filter_, place, offset, i, firsts, read, bearings)
+        doubts = state.doubts + doubted
+        return LeafState(judge, filter_, place, offset, i, firsts, read, bearings, doubts)
 
     def options(self, node: Node, *, far: bool = False, lean: bool = False) -> Iterator[Option]:
         """Yield every way to take the visit after a node, refused ones with their refusal.

@@ -38,7 +38,12 @@ class Decision(NamedTuple):
 
 @dataclass(slots=True)
 class LeafState:
-    """Everything one map says, for growing it; never changed once made."""
+    """Everything one map says, for growing it; never changed once made.
+
+    Attributes
+    ----------
+    doubts : how many travels are doubted.
+    """
 
     judge: MapState
     filter: PlaceFilter
@@ -48,6 +53,7 @@ class LeafState:
     firsts: tuple[int, ...]
     place_readings: tuple[int, ...]
     bearings: tuple[complex, ...]
+    doubts: int = 0
     prediction: Prediction | None = None
     newness: tuple[float, float] | None = None
 

@@ -132,7 +132,8 @@ def propose_repairs(
     fixed : the only place that travel allows, -1 if it fixes none.
     """
     slip = tree.score.slip
-    price = math.log(slip) - math.log1p(-slip) if slip else -math.inf
+    known = tree.state_of(node), node.visit
+    price = tree.weigh_doubt(*known, True) - tree.weigh_doubt(*known, False)
     for option in options:
         worth = sum(option.addends)
         if option.refusal is None or worth + price < best - _WORTH_NATS or not slip:

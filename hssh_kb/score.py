@@ -61,9 +61,12 @@ class Score:
     bearing_rad : standard deviation of the direction of a travel against an evenly spaced
         star, rad; used only where readings carry no headings.
     outlier : share of closures whose innovation is three times as wide as it should be.
+    askew : share of closures whose headings say nothing: gateways were seen from aside, or half
+        of them only.
     floor : no single doubt about one visit (heading, exclusion) costs more than this (< 0).
     place_prior : log prior of each place beyond the first (<= 0).
-    slip : probability that a place goes unnoticed during one travel.
+    slip : probability that a place goes unnoticed during one travel, as expected beforehand.
+    slip_travels : so many travels that expectation is worth; the rest a map tells itself.
     travels : what all corridors have in common; None if nothing that helps.
     """
 
@@ -76,9 +79,11 @@ class Score:
     frames: str = "shared"
     bearing_rad: float = 0.4
     outlier: float = 0.0
+    askew: float = 0.0
     floor: float = -10.0
     place_prior: float = 0.0
     slip: float = 0.0
+    slip_travels: float = 10.0
     travels: TravelPrior | None = None
 
     def __post_init__(self) -> None:
@@ -87,8 +92,8 @@ class Score:
                 raise InputError(f"score: {name} must be positive, got {getattr(self, name)!r}")
         if self.frames not in ("shared", "free"):
             raise InputError(f"score: frames must be 'shared' or 'free', got {self.frames!r}")
-        if not 0 <= self.slip < 1 or not 0 <= self.outlier < 1:
-            raise InputError("score: slip and outlier are probabilities below 1")
+        if not all(0 <= share < 1 for share in (self.slip, self.outlier, self.askew)):
+            raise InputError("score: slip, outlier and askew are probabilities below 1")
 
     def weigh_new(self, prediction: Prediction) -> tuple[float, float]:
         """Return the layout and exclusion addends of a new place."""
@@ -162,10 +167,21 @@ class Score:
         p, q = (d * e - b * f) / det, (a * f - b * e) / det
         var = max(g + turn_var - p * e - q * f, 1e-12)
         left = t - p * x - q * y
-        heading = -0.5 * max(left * left / var - 1.0, 0.0)
-        if heading < self.floor:
-            return layout, self.floor, (noise_x, noise_y, math.inf)
-        return layout, heading, (noise_x, noise_y, turn_var)
+        heading, counts = self._weigh_disagreement(left * left / var - 1.0, self.floor)
+        return layout, heading, (noise_x, noise_y, turn_var if counts else math.inf)
+
+    def _weigh_disagreement(self, excess: float, floor: float) -> tuple[float, bool]:
+        """Return the addend of headings that disagree, and whether they are to be counted at all.
+
+        Parameters
+        ----------
+        excess : chi-square beyond what the noise explains. floor : the most it costs.
+        """
+        plain = -0.5 * max(excess, 0.0)
+        if not self.askew:
+            return max(plain, floor), plain >= floor
+        told = (1 - self.askew) * math.exp(plain)
+        return max(math.log(told + self.askew), floor), told >= self.askew
 
     def _weigh_innovation(self, chi2: float, det: float) -> tuple[float, bool]:
         """Return the log density, and whether the wide part of the mixture explains it better."""
@@ -189,6 +205,30 @@ class Score:
         extra = self.spread_m**2
         det = (cov[0][0] + extra) * (cov[1][1] + extra) - cov[0][1] ** 2
         return max(new, -_LOG_2PI - 0.5 * math.log(max(det, 1e-24)))
+
+    def weigh_doubt(self, doubted: bool, doubts: int, travels: int) -> float:
+        """Return the addend of a travel that is doubted, or believed.
+
+        Where places are often missed, in rooms say, each one missed makes the next less surprising.
+
+        Parameters
+        ----------
+        doubted : whether it is doubted. doubts, travels : how many of how many travels before are.
+
+        Source
+        ------
+        Ours: the probability of a slip is unknown, with a beta distribution beforehand.
+
+        Examples
+        --------
+        >>> score = Score(slip=0.1)
+        >>> [round(score.weigh_doubt(True, doubts, 20), 1) for doubts in (0, 5)]
+        [-3.4, -1.6]
+        """
+        if not self.slip:
+            return 0.0
+        share = (self.slip * self.slip_travels + doubts) / (self.slip_travels + travels)
+        return math.log(share) if doubted else math.log1p(-share)
 
     def match_headings(
         self,
@@ -225,7 +265,10 @@ class Score:
             left = (one - turn + math.pi) % (2 * math.pi) - math.pi
             rest += left * left
         free = len(turns) - 1
-        return turn, var / len(turns), max(-0.5 * max(rest / var - free, 0.0), 0.6 * self.floor)
+        misfit, _ = self._weigh_disagreement(rest / var - free, 0.6 * self.floor)
+        if self.askew and free:
+            var = max(var, rest / free)  # what does not agree tells the turn less exactly
+        return turn, var / len(turns), misfit
 
     def weigh_bearing(self, known: complex, seen: complex) -> float:
         """Return the addend (<= 0) for the direction of a travel at a place.
@@ -250,11 +293,11 @@ def estimate_score(experience: Experience, **overrides: Any) -> Score:  # noqa: 
     (5th percentile), both freed from the noise of the displacements. Each place has a log prior
     of -1.5: with it the probabilities of the maps of simulated walks are about the frequencies
     with which they are right. Where the experience admits slips (a robot's log), origins of
-    visits spread by 0.3 m (at most a tenth of the median travel), and one closure in twenty is
-    an outlier. Without headings the frames are taken to be
-    shared if no travel turns by more than 0.5 rad (frames that all point one way), else free.
-    What the corridors have in common, if they do, is learned from all travels
-    (:mod:`hssh_kb.travel_prior`).
+    visits spread by 0.3 m (at most a tenth of the median travel), one closure in twenty is an
+    outlier, and the headings of one in ten say nothing (recorded logs). Without headings the
+    frames are taken to be shared if no travel turns by more than 0.5 rad (frames that all point
+    one way), else free. What the corridors have in common, if they do, is learned from all
+    travels (:mod:`hssh_kb.travel_prior`).
 
     Parameters
     ----------
@@ -271,7 +314,7 @@ def estimate_score(experience: Experience, **overrides: Any) -> Score:  # noqa: 
     if typical > 0:
         values |= {"length_m": typical, "area_m2": typical**2, "spacing_m": 0.5 * short}
         if experience.slip > 0:
-            values |= {"spread_m": min(0.3, 0.1 * typical), "outlier": 0.05}
+            values |= {"spread_m": min(0.3, 0.1 * typical), "outlier": 0.05, "askew": 0.1}
     turned = [abs((d.theta + math.pi) % (2 * math.pi) - math.pi) for d in moves]
     values["frames"] = "shared" if max(turned, default=0.0) <= 0.5 else "free"
     values["travels"] = estimate_travel_prior(experience)

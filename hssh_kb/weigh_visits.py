@@ -179,10 +179,9 @@ class VisitWeigher:
         back = way + math.pi + 2 * math.pi * enter / size
         return complex(math.cos(out), math.sin(out)), complex(math.cos(back), math.sin(back))
 
-    def _price(self, reading_weight: float, doubted: bool) -> tuple[float, float]:
-        slip = self.score.slip
-        doubts = (math.log(slip) if doubted else math.log1p(-slip)) if slip else 0.0
-        return math.log(reading_weight), doubts
+    def weigh_doubt(self, state: LeafState, v: int, doubted: bool) -> float:
+        """Return what it costs a map to doubt, or to believe, the travel to a visit."""
+        return self.score.weigh_doubt(doubted, state.doubts, v - 1)
 
     def weigh_lpm(self, v: int, first: int | None) -> float:
         """Return what the match of the local maps adds: 0 for what it speaks for most, else less.
@@ -223,7 +222,7 @@ class VisitWeigher:
                 break
             decision = Decision(place, 0, i, False)
             heading = self._weigh_bearings(state, v, depart, decision)
-            read, doubts = self._price(reading.weight, False)
+            read, doubts = math.log(reading.weight), self.weigh_doubt(state, v, False)
             refusal = None
             if taken and depart is not None:
                 stands = state.judge.find_travel(state.place, depart)
@@ -233,7 +232,7 @@ class VisitWeigher:
                 decision, Addends(layout, heading, exclusion, read, prior, doubts, lpm), refusal
             )
             if self.score.slip and (refusal is not None or not lean):
-                doubts = self._price(1.0, True)[1]
+                doubts = self.weigh_doubt(state, v, True)
                 yield Option(
                     replace_doubt(decision),
                     Addends(layout, 0.0, exclusion, read, prior, doubts, lpm),
@@ -308,7 +307,7 @@ class VisitWeigher:
         if not decision.doubted:
             heading += self._weigh_bearings(state, v, depart, decision)
         reading = self.visits[v].readings[decision.reading]
-        read, doubts = self._price(reading.weight, decision.doubted)
+        read, doubts = math.log(reading.weight), self.weigh_doubt(state, v, decision.doubted)
         lpm = self.weigh_lpm(v, state.firsts[decision.place])
         travels = self._weigh_travel(state, v)
         return Addends(layout, heading, 0.0, read, 0.0, doubts, lpm, travels)

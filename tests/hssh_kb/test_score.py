@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import betaln
 from symbolic_walks import Eyes, make_grid, observe, walk_randomly
 
 from hssh_kb.errors import InputError
@@ -145,9 +146,32 @@ def test_a_reading_costs_its_weight_and_a_doubt_the_slip():
     ]
     assert plain.terms["readings"] == pytest.approx(sum(map(math.log, weights)))
     whole = truth.hypothesis()
-    doubting = Hypothesis(whole.visits, whole.offsets, whole.readings, doubted=(5,))
+    doubting = Hypothesis(whole.visits, whole.offsets, whole.readings, doubted=(5, 9))
     terms = score_hypothesis(truth.experience, doubting, score).terms
-    assert terms["doubts"] == pytest.approx(math.log(0.05) + 11 * math.log(0.95))
+    m, a = score.slip_travels, 0.05 * score.slip_travels
+    # Twelve travels, two of them doubted: a beta-binomial count, whichever two they are.
+    expected = betaln(a + 2, m - a + 10) - betaln(a, m - a)
+    assert terms["doubts"] == pytest.approx(expected)
+    second = score.weigh_doubt(True, 1, 8)
+    assert score.weigh_doubt(True, 0, 8) < second < score.weigh_doubt(True, 5, 8) < 0
+
+
+def test_headings_that_are_far_off_say_nothing_where_gateways_may_be_seen_askew():
+    log, symbols = Score(askew=0.1), Score()
+    straight, turned, one_off = (0.0, 1.5, 3.1), (0.35, 1.85, 3.45), (0.0, 2.0, 3.1)
+    prediction = PlaceFilter.start().predict(_move(0.01, 0.0), 1.0)
+
+    def weigh(score, seen):
+        turn, var, misfit = score.match_headings(straight, seen, 0, (1, 1, 1))
+        innovation = prediction.measure(0, turn)
+        _, heading, noise = score.weigh_closure(prediction, innovation, var)
+        return heading + misfit, noise[2]
+
+    assert weigh(log, straight)[0] == pytest.approx(0.0, abs=1e-9)
+    for seen in (turned, one_off):
+        assert 2 * math.log(0.1) <= weigh(log, seen)[0] < -1 > weigh(symbols, seen)[0] + 1
+    assert weigh(log, turned)[1] == math.inf  # they do not turn the map either
+    assert weigh(log, one_off)[1] > 2 * weigh(log, straight)[1]
 
 
 def test_a_missing_displacement_favours_neither_old_nor_new():
