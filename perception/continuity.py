@@ -2,7 +2,8 @@
 
 Source: Beeson 2008, 5.2.2. The published test asks two rays to hit; the default asks for the
 best mutual alignment by angle and lateral offset, with a margin over the second best, and says
-how likely the other readings are.
+how likely the other readings are. Two gateways on either side of a path that goes through are
+most likely one path that crosses it: they may fit each other less well (ours).
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ SURE = 0.85
 _SOFTNESS_RAD = math.radians(4.0)
 _MARGIN = 0.15
 _LEAST_WEIGHT = 0.03
+_ACROSS_BEND, _ACROSS_OFFSET = 1.25, 1.5
+"""How much more bend, and lateral offset, a path may have that crosses another one."""
 _MOST_READINGS = 4
 
 
@@ -57,7 +60,7 @@ def read_stars(
 
     Parameters
     ----------
-    gateways : those of one place.
+    gateways : those of one place, in circular order.
     centre_px : its middle; the circular order is taken about it.
     continuity : ``"angle"`` (default) or ``"ray"``, the test as published.
 
@@ -198,13 +201,16 @@ def _offset(g: Gateway, h: Gateway) -> float:
     return abs(ex * dy - ey * dx) / length
 
 
-def _misfit(g: Gateway, h: Gateway) -> float:
-    """Return how badly two gateways continue each other: 0 perfect, 1 at the limit of the bend."""
-    reach = max(g.width_px, h.width_px) / 2
-    offset = _offset(g, h) / reach if reach > 0 else math.inf
-    if offset > 1.5:
+def _misfit(g: Gateway, h: Gateway, bend: float = 1.0, offset: float = 1.0) -> float:
+    """Return how badly two gateways continue each other: 0 perfect, 1 at the limit of the bend.
+
+    So many times as much bend and lateral offset as on a lone path are as good.
+    """
+    reach = offset * max(g.width_px, h.width_px) / 2
+    aside = _offset(g, h) / reach if reach > 0 else math.inf
+    if aside > 1.5:
         return math.inf
-    return _bend(g, h) / MAX_BEND_RAD + 0.5 * max(offset - 0.5, 0.0)
+    return _bend(g, h) / (bend * MAX_BEND_RAD) + 0.5 * max(aside - 0.5, 0.0)
 
 
 Pairs = tuple[tuple[int, int], ...]
@@ -227,13 +233,15 @@ def _match_by_angle(gateways: Sequence[Gateway]) -> list[tuple[Pairs, float]]:
             default=math.inf,
         )
         sure = _share(value, rival)
-        if sure >= _LEAST_WEIGHT:
-            candidates.append(((i, j), sure))
+        loose = _misfit(gateways[i], gateways[j], _ACROSS_BEND, _ACROSS_OFFSET)
+        if (across := max(_share(loose, rival), sure)) >= _LEAST_WEIGHT:
+            candidates.append(((i, j), sure, across))
     matchings: list[tuple[Pairs, float]] = [((), 1.0)]
-    for pair, sure in sorted(candidates, key=lambda item: -item[1]):
+    for pair, alone, across in sorted(candidates, key=lambda item: -item[1]):
         grown: list[tuple[Pairs, float]] = []
         for pairs, weight in matchings:
-            if any(set(pair) & set(other) for other in pairs):
+            sure = across if any(_is_between(pair, other) for other in pairs) else alone
+            if any(set(pair) & set(other) for other in pairs) or sure < _LEAST_WEIGHT:
                 grown.append((pairs, weight * (1.0 - sure)))
                 continue
             grown.append(((*pairs, pair), weight * sure))
@@ -241,6 +249,12 @@ def _match_by_angle(gateways: Sequence[Gateway]) -> list[tuple[Pairs, float]]:
                 grown.append((pairs, weight * (1.0 - sure)))
         matchings = sorted(grown, key=lambda item: -item[1])[:32]
     return matchings
+
+
+def _is_between(pair: tuple[int, int], other: tuple[int, int]) -> bool:
+    """Tell whether the two of a pair lie on either side of another, in circular order."""
+    (a, b), (c, d) = sorted(pair), sorted(other)
+    return a < c < b < d or c < a < d < b
 
 
 def _share(value: float, rival: float) -> float:

@@ -120,3 +120,17 @@ def test_turning_the_world_changes_no_star(tens: list[int], turn: int) -> None:
     for reading in one:
         assert sum(reading.star.alpha) == len(tens)
         assert sorted(g for g in reading.gateway_out if g is not None) == list(range(len(tens)))
+
+
+def test_a_path_that_crosses_another_may_bend_a_little_more_and_lie_further_aside() -> None:
+    through = gate(90), gate(270)
+    bent, aside = gate(180 + 45), gate(180, shift=18)
+    for one in (bent, aside):
+        crossing = sorted((gate(0), *through, one), key=lambda g: g.outward_rad % (2 * math.pi))
+        assert name_shape(best(*crossing)) == "+"
+        assert not best(gate(0), one).isomorphisms(best(gate(0), gate(180)))
+
+
+def test_two_gateways_on_one_side_of_a_path_are_held_to_the_plain_limit() -> None:
+    star = best(gate(0), gate(68), gate(180), gate(292 - 180))
+    assert star.alpha.count(0) == 2
