@@ -34,6 +34,9 @@ class PlaceRates:
     passages : how often the drive passes a listed place. recall : share of them with a visit.
     raw : share of all visits that are at a listed place. precision : the same, visits at listed
         side openings and doors left out.
+    listed : the same, visits at openings that the list lacked left out too.
+    wrong : of each visit that is wrong by ``precision`` its number, and whether ``listed`` leaves
+        it out.
     arms : share of hits whose best star has the listed arms.
     pairs, equal : pairs of visits to one listed place, and the share with equal best stars.
     second : share of (visit, other visit) whose best star is one of the two best of the other.
@@ -44,6 +47,8 @@ class PlaceRates:
     recall: float
     raw: float
     precision: float
+    listed: float
+    wrong: tuple[tuple[int, bool], ...]
     arms: float
     pairs: int
     equal: float
@@ -51,8 +56,16 @@ class PlaceRates:
     told: float
 
 
-def rate_places(kb: KnowledgeBase, truth: dict, stars: Stars) -> PlaceRates:
-    """Compare the visits, and the stars read at them, with a list of places, openings and doors."""
+def rate_places(
+    kb: KnowledgeBase, truth: dict, stars: Stars, openings: Sequence[Sequence[float]] = ()
+) -> PlaceRates:
+    """Compare the visits, and the stars read at them, with a list of places, openings and doors.
+
+    Parameters
+    ----------
+    truth : entry of truth/corridor_places.json. openings : (k, 2) that this list lacks, the same
+        frame.
+    """
     poses, scans = kb.trajectory.corrected, kb.trajectory.visit_scans
     listed = truth["places"]
     also = np.array([*truth["also"], *truth.get("doors", [])], float).reshape(-1, 2)
@@ -67,8 +80,9 @@ def rate_places(kb: KnowledgeBase, truth: dict, stars: Stars) -> PlaceRates:
         ]
         if near:
             used[min(near)[1]] = k
-    rest = [poses[scans[v], :2] for v in range(len(scans)) if v not in used]
-    wrong = [at for at in rest if not len(also) or np.hypot(*(also - at).T).min() > ALSO_M]
+    rest = [v for v in range(len(scans)) if v not in used]
+    wrong = [v for v in rest if not _is_near(poses[scans[v], :2], also)]
+    late = [_is_near(poses[scans[v], :2], openings) for v in wrong]
     pairs = [(a, b) for a, b in combinations(sorted(used), 2) if used[a] == used[b]]
     arms = [_arms_agree(kb, v, listed[k]["arms"]) for v, k in used.items()]
     return PlaceRates(
@@ -76,11 +90,19 @@ def rate_places(kb: KnowledgeBase, truth: dict, stars: Stars) -> PlaceRates:
         len(used) / max(len(passages), 1),
         len(used) / max(len(scans), 1),
         len(used) / max(len(used) + len(wrong), 1),
+        len(used) / max(len(used) + len(wrong) - sum(late), 1),
+        tuple(zip(wrong, late, strict=True)),
         float(np.mean(arms or [0])),
         len(pairs),
         *rate_stars(stars, pairs),
         rate_stars(list_stars(kb), pairs)[1],
     )
+
+
+def _is_near(at: np.ndarray, points: Sequence[Sequence[float]] | np.ndarray) -> bool:
+    """Tell whether one of the points (k, 2) may have been taken for a place here."""
+    away = np.asarray(points, float).reshape(-1, 2) - at
+    return bool(np.hypot(*away.T).min(initial=np.inf) <= ALSO_M)
 
 
 def rate_stars(stars: Stars, pairs: list[tuple[int, int]]) -> tuple[float, float]:
