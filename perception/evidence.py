@@ -29,6 +29,9 @@ _SEEN_FAR, _SEEN_SPREAD = 2.0, 0.35
 """A way seen so many times the least depth straight on is even odds: an alcove is no deeper; and
 how fast the odds grow with what is seen."""
 
+_FAN_RAD = np.radians(np.arange(-60.0, 61.0, 10.0))
+"""Directions in which one looks out of a gateway for a way that does not go on straight."""
+
 _STARTS = np.linspace(0.1, 0.9, 9)
 """Shares of the width of a gateway from which one looks out of it."""
 
@@ -66,7 +69,7 @@ def _confide(
     """Return the probability that a way leads out of a gateway."""
     if gateway.frontier_px <= 0 or is_crossed(gateway, way_px):
         return 1.0
-    depth, seen = gateway.depth_px, see_through(gateway, free)
+    depth, seen = gateway.depth_px, see_beyond(gateway, free)
     if gateway.width_px >= _WIDER * min_frontier_px:
         depth = max(depth, seen)
     sure = rate_way(gateway.frontier_px, depth, min_frontier_px, min_depth_px)
@@ -76,20 +79,40 @@ def _confide(
     return sure
 
 
-def see_through(gateway: Gateway, free: Mask) -> float:
-    """Return how far free cells go on straight out of a gateway, in cells; off the grid, for ever.
+def see_beyond(gateway: Gateway, free: Mask) -> float:
+    """Return how far the space beyond a gateway is seen to reach, straight out or aslant, in cells.
+
+    Aslant the width of the gateway does not count: so much more one sees in any alcove that is as
+    wide, from one of its corners to the other.
 
     Parameters
     ----------
     free : (H, W) mask of the free cells.
+
+    Source
+    ------
+    Ours.
+    """
+    aslant = see_through(gateway, free, _FAN_RAD) - gateway.width_px
+    return max(see_through(gateway, free), aslant)
+
+
+def see_through(gateway: Gateway, free: Mask, turns_rad: Array | None = None) -> float:
+    """Return how far free cells go on out of a gateway, in cells; off the grid, for ever.
+
+    Parameters
+    ----------
+    free : (H, W) mask of the free cells.
+    turns_rad : (k,) directions to look in, from straight out; straight out alone by default.
     """
     one, other = np.array(gateway.ends_px, float)
     starts = one + _STARTS[:, None] * (other - one)
-    ahead = np.array([math.cos(gateway.outward_rad), math.sin(gateway.outward_rad)])
+    look = gateway.outward_rad + (np.zeros(1) if turns_rad is None else turns_rad)
+    ahead = np.column_stack([np.cos(look), np.sin(look)])
     steps = np.arange(0.0, float(max(free.shape)))
-    points = starts[:, None] + steps[None, :, None] * ahead
-    x, y = np.rint(points).astype(int).transpose(2, 0, 1)
+    points = starts[:, None, None] + steps[None, None, :, None] * ahead[None, :, None]
+    x, y = np.rint(points).astype(int).transpose(3, 0, 1, 2)
     height, width = free.shape
     off = (x < 0) | (y < 0) | (x >= width) | (y >= height)
     on = off | free[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)]
-    return float(np.where(on.all(axis=1), len(steps), np.argmin(on, axis=1)).max())
+    return float(np.where(on.all(axis=-1), len(steps), np.argmin(on, axis=-1)).max())

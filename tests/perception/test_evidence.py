@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.evidence import see_through, weigh_gateways
+from perception.evidence import see_beyond, see_through, weigh_gateways
 from perception.grid import UNKNOWN, classify
 from perception.sightings import is_path
 from perception.star import Star
@@ -64,6 +64,17 @@ def test_what_is_seen_no_further_than_an_alcove_is_in_doubt():
     assert alcove.outward_rad == pytest.approx(np.pi / 2, abs=0.3)
     weighed = southern(weigh_gateways(topology, image, NOWHERE, **LIMITS))
     assert weighed.confidence < 0.3 < alcove.confidence
+
+
+def test_a_way_that_goes_on_aslant_is_seen_but_an_alcove_is_no_deeper_for_that():
+    ways, alcove = draw_tee(0), draw_tee(0)
+    ways[86:98, 63:89] = alcove[86:98, 63:89] = 255
+    for k in range(50):
+        ways[min(90 + k // 2, 149), 40 - min(k, 40) : 66 + 20 - k // 3] = 255
+    gateway = southern(read(alcove))
+    far, near = (see_beyond(gateway, classify(image).free) for image in (ways, alcove))
+    assert near == see_through(gateway, classify(alcove).free)
+    assert far > near + 10
 
 
 def test_off_the_grid_one_sees_for_ever():
