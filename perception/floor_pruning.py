@@ -20,7 +20,7 @@ LEAST_SHARE = 3.2
 LEAST_DEPTH_M = 0.6
 """A leaf must lead so far beyond the disc of the junction at its base."""
 
-THING_M = 2.5
+THING_M = 2.0
 """One goes around a free-standing thing smaller than this on its wider side only."""
 
 LEAST_ROUND_M = 25.0
@@ -37,9 +37,9 @@ def prune_floor(graph: SkeletonGraph, space: FloorSpace, *, robot_radius_m: floa
     """Cut away the leaves that stand for a corner, a niche or a narrow gap.
 
     A leaf is cut back to where the wall it stands for, from the nearest wall on its one side
-    around it to that on the other, is long for the clearance; one that ends where the robot does
-    not fit through, to where it was widest before. What is cut back to its base goes; shortest
-    first.
+    around it to that on the other, is long for the clearance; where it ends in a gap that the
+    robot does not fit through, the gap is taken for wall. What is cut back to its base goes;
+    shortest first.
 
     Source
     ------
@@ -69,16 +69,21 @@ def _count_kept(outward: Branch, space: FloorSpace, limit_px: float) -> int:
     both = (outward.left != OPEN) & (outward.right != OPEN)
     wall = np.full(len(radius), np.inf)
     wall[both] = measure_wall(space, outward.left[both], outward.right[both])
-    worth = np.flatnonzero(wall >= LEAST_SHARE * radius)
-    keep = int(worth[-1]) + 1 if len(worth) else 0
-    if keep and radius[keep - 1] < limit_px:
-        narrowest = np.minimum.accumulate(radius[:keep])
-        again = np.flatnonzero(radius[:keep] > narrowest + np.maximum(3.0, 0.2 * narrowest))
-        if not len(again):
-            return 0
-        last = radius[again[0] : keep]
-        keep = int(again[0]) + int(np.flatnonzero(last >= 0.97 * last.max())[-1]) + 1
-    return keep
+    leads = np.ones(len(radius), bool)
+    if both[-1] and radius[-1] < limit_px:
+        wall[both] = np.minimum(wall, _measure_to_gap(outward, space))[both]
+        leads = radius >= limit_px
+    worth = np.flatnonzero(leads & (wall >= LEAST_SHARE * radius))
+    return int(worth[-1]) + 1 if len(worth) else 0
+
+
+def _measure_to_gap(outward: Branch, space: FloorSpace) -> Array:
+    """Return the wall a leaf stands for at each point, were the gap at its tip closed."""
+    wall = np.full(len(outward.radius_px), 2.0 * float(outward.radius_px[-1]))
+    for side in (outward.left, outward.right):
+        at = space.region.walls[side].astype(float)
+        wall += np.hypot(*(at - at[-1]).T)
+    return wall
 
 
 def prune_shallow(graph: SkeletonGraph, resolution_m: float) -> None:

@@ -25,7 +25,7 @@ LEAST_WALL_M = 1.0
 DEEP = 1.25
 """A hall is open in its middle where a disc fits in that reaches this times M from the walls."""
 
-LEAST_HALL_M = 3.0
+LEAST_HALL_M = 4.0
 """The open middle of a hall is at least so long."""
 
 _FREE_OF_WALLS = np.int32(-(1 << 24))

@@ -53,7 +53,7 @@ class FloorSettings:
     robot_radius_m: float = 0.25
     speck_m: float = 0.7
     opening_m: float = 0.15
-    midline_m: float = 2.0
+    midline_m: float = 1.5
     least_part_m2: float = 4.0
 
 

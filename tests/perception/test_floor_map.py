@@ -4,6 +4,7 @@ import math
 from collections import Counter
 
 import cv2
+import networkx as nx
 import numpy as np
 import pytest
 from floor_plans import RESOLUTION, Plan, draw_office
@@ -133,7 +134,7 @@ def test_a_row_of_chairs_is_one_thing_that_is_passed_on_both_sides():
 
 def test_a_way_that_saves_a_great_detour_stays_though_a_small_thing_stands_beside_it():
     plan = Plan(26, 18).carve(1, 2, 22, 2.2).carve(1, 14, 22, 2.2).carve(1, 2, 2.2, 14)
-    plan.carve(20.8, 2, 2.2, 14).carve(10, 4, 4, 10).block(11.8, 7, 0.8, 0.8)
+    plan.carve(20.8, 2, 2.2, 14).carve(10.3, 4, 3.4, 10).block(11.7, 7, 0.8, 0.8)
     floor = explore(plan)
     middle = [e for e in floor.edges if np.ptp(e.points_m[:, 1]) > 7]
     assert len(middle) == 3  # left, right, and past the thing on one side
@@ -145,10 +146,48 @@ def test_a_hall_has_ways_along_its_walls_and_straight_across():
     ends = [k for k, p in enumerate(floor.places) if len(p.gateways) == 4]
     assert len(ends) == 2
     assert sorted(abs(floor.places[k].centre_m[1] - 13.0) for k in ends) == pytest.approx(
-        [5, 5], abs=0.7
+        [5.5, 5.5], abs=0.7
     )
-    across = [e for e in floor.edges if {e.start, e.goal} == set(ends) and e.length_m < 11]
+    across = [e for e in floor.edges if {e.start, e.goal} == set(ends) and e.length_m < 12]
     assert len(across) == 1
+
+
+def test_nobody_goes_a_great_detour_in_a_hall():
+    plan = Plan(40, 26).carve(2, 6, 34, 14).carve(18, 1, 1.5, 5.2).carve(18, 19.8, 1.5, 5.2)
+    floor = explore(plan)
+    ways = nx.Graph()
+    for number, edge in enumerate(floor.edges):
+        points = edge.points_m[1:-1]
+        names = [edge.start, *((number, k) for k in range(len(points) - 2)), edge.goal]
+        for one, other, length in zip(
+            names, names[1:], np.hypot(*np.diff(points, axis=0).T), strict=False
+        ):
+            ways.add_edge(one, other, length=float(length))
+            ways.nodes[other]["at"] = points[names.index(other)]
+            ways.nodes[one]["at"] = points[names.index(one)]
+    nodes = list(ways)
+    at = np.array([ways.nodes[node]["at"] for node in nodes])
+    for x in np.arange(5.0, 34.0, 2.0):
+        high, low = (int(np.hypot(*(at - (x, 13 + y)).T).argmin()) for y in (5.5, -5.5))
+        way = nx.shortest_path_length(ways, nodes[high], nodes[low], weight="length")
+        assert way <= 1.5 * 11 + 2.0 + 1.0
+
+
+def test_a_ring_around_the_open_middle_of_a_hall_is_crossed_too():
+    plan = Plan(34, 30).carve(2, 8, 28, 16)
+    floor = explore(plan)
+    assert any(len(place.gateways) >= 3 for place in floor.places)
+    assert {edge.start for edge in floor.edges} | {edge.goal for edge in floor.edges} == set(
+        range(len(floor.places))
+    )
+
+
+def test_a_corridor_that_ends_in_a_narrow_gap_is_one():
+    plan = Plan(20, 18).carve(1, 12, 18, 2).carve(9, 4, 2, 8.2).carve(9.7, 2.5, 0.6, 1.6)
+    floor = explore(plan)
+    (junction,) = near(floor, 10, 13)
+    assert len(floor.places[junction].gateways) == 3
+    assert len(near(floor, 10, 4.5, 0.8)) == 1
 
 
 def test_a_room_between_two_doors_holds_a_place():
