@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.errors import InputError
 from perception.geometry import Array, transform_points
 from perception.grid import FREE, OCCUPIED, UNKNOWN, Frame, Image
 
@@ -148,6 +149,20 @@ class LocalMap(OccupancyGrid):
         self.frame = Frame(
             self.frame.left_m + dx * resolution, self.frame.top_m + dy * resolution, resolution
         )
+
+    def shrink_to(self, size_m: float) -> LocalMap:
+        """Return a copy of the middle of the window, as wide as told [m]."""
+        part = LocalMap(size_m, self.frame.resolution_m, self.range_cap_m)
+        if len(part.log_odds) > len(self.log_odds):
+            raise InputError(
+                f"the LPM is smaller than {size_m} m; nothing is known beyond its border"
+            )
+        cut = (len(self.log_odds) - len(part.log_odds)) // 2
+        inner = slice(cut, cut + len(part.log_odds))
+        part.log_odds = self.log_odds[inner, inner].copy()
+        left, top, resolution = self.frame.left_m, self.frame.top_m, self.frame.resolution_m
+        part.frame = Frame(left + cut * resolution, top - cut * resolution, resolution)
+        return part
 
     def update(self, pose: Array, ranges_m: NDArray[np.float32], angles_rad: Array) -> None:
         """Scroll to the robot and add one scan taken there (see :meth:`add_scan`)."""

@@ -22,6 +22,10 @@ REACH_M = 10.0
 MOST_SCANS = 80
 """Of more scans than this, evenly chosen ones make the map."""
 
+WINDOW_M = 12.0
+"""The place is read in a window so wide: a room that was entered is known to its last corner, and
+leads nowhere; of one that was passed by, the end is unknown. So near the place both go on."""
+
 ASIDE_M = 0.3
 """The local topology is read at the centre, and so far from it to four sides."""
 
@@ -71,7 +75,7 @@ def look_again(
 
     Parameters
     ----------
-    local : see :func:`map_passage`. poses : (n, 3) of the laser, drive frame.
+    local : see :func:`map_passage`, centred on the place. poses : (n, 3) of the laser, drive frame.
     centre_m : (2,) of the place, drive frame.
     passage : the first scan of the passage, the one nearest to the centre, and the last.
 
@@ -80,6 +84,7 @@ def look_again(
     Ours.
     """
     first, nearest, last = passage
+    local = local.shrink_to(min(WINDOW_M, settings.lpm_m))
     sides = np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]], float)
     points = list(np.asarray(centre_m, float) + ASIDE_M * sides)
     way = poses[first : last + 1, :2]

@@ -1,5 +1,7 @@
 import numpy as np
+import pytest
 
+from perception.errors import InputError
 from perception.geometry import wrap_angle
 from perception.grid import FREE, OCCUPIED, UNKNOWN, Frame
 from perception.lpm import LocalMap, OccupancyGrid
@@ -97,3 +99,21 @@ def test_a_gap_between_near_walls_stays_unknown():
     grid = OccupancyGrid(Frame(-15, 15, 0.1), (300, 300))
     grid.add_scan(np.zeros(3), *corridor_scan(lost=5.0))
     assert grid.image()[150, 150 + 80] == UNKNOWN
+
+
+def test_the_middle_of_the_window_is_an_lpm_of_its_own():
+    whole = LocalMap(15.0)
+    whole.scroll_to(np.array([3.0, -2.0]))
+    whole.add_scan(np.array([3.0, -2.0, 0.3]), np.full(360, 4.0, np.float32), ANGLES)
+    part = whole.shrink_to(6.0)
+    assert part.log_odds.shape == LocalMap(6.0).log_odds.shape
+    assert np.allclose(part.centre_m, whole.centre_m)
+    for point in np.array([(3.0, -2.0), (4.5, -1.0), (2.0, -4.0)]):
+        (x, y), (column, row) = (
+            np.rint(m.frame.to_pixels(point)).astype(int) for m in (whole, part)
+        )
+        assert whole.log_odds[y, x] == part.log_odds[row, column]
+    part.log_odds += 1  # a copy
+    assert whole.log_odds.max() < part.log_odds.max()
+    with pytest.raises(InputError, match="smaller than 20"):
+        whole.shrink_to(20.0)

@@ -25,12 +25,24 @@ TEE = np.concatenate(
 )
 """A corridor along x, another that joins it from the south."""
 
+ROOM = np.concatenate(
+    [
+        wall((-15, 1), (15, 1)),
+        wall((-15, -1), (-0.8, -1)),
+        wall((0.8, -1), (15, -1)),
+        wall((-0.8, -1), (-3, -1.2), (-3, -7), (3, -7), (3, -1.2), (0.8, -1)),
+    ]
+)
+"""A corridor along x, with a room to the south."""
+ROUND = [(-9, 0), (0, 0), (0, -5), (2, -5), (2, -3), (-2, -3), (-2, -5), (0, -5), (0, 0), (9, 0)]
+"""A drive into the room, round it, and on."""
 
-def record(corners) -> ScanLog:
+
+def record(corners, walls=TEE) -> ScanLog:
     poses = follow(corners)
-    ranges = np.array([cast(TEE, pose, HALF_TURN) for pose in poses], np.float32)
+    ranges = np.array([cast(walls, pose, HALF_TURN) for pose in poses], np.float32)
     ranges[~np.isfinite(ranges)] = np.nan
-    return ScanLog("tee", np.arange(len(poses), dtype=float), ranges, HALF_TURN, corrected=poses)
+    return ScanLog("drive", np.arange(len(poses), dtype=float), ranges, HALF_TURN, corrected=poses)
 
 
 @pytest.mark.parametrize("way", [[(-9, 0), (9, 0)], [(9, 0), (-9, 0)], [(-9, 0), (0, 0), (0, -9)]])
@@ -47,6 +59,16 @@ def test_the_star_is_the_same_from_whichever_side_a_crossing_is_entered(way):
     for sighting in seen:
         assert str(sighting.topology.star) == "a+1 b+1 a-1 b-0"
         assert np.hypot(*sighting.centre_m) < 0.5
+
+
+@pytest.mark.parametrize("way", [[(-9, 0), (9, 0)], ROUND])
+def test_a_room_is_a_way_whether_it_was_passed_by_or_seen_to_its_end(way):
+    log = record(way, ROOM)
+    poses, centre = log.corrected, np.zeros(2)
+    nearest = int(np.argmin(np.hypot(*poses[:, :2].T)))
+    local = map_passage(log, poses, centre, nearest, PlaceSettings())
+    seen = look_again(local, poses, centre, (nearest - 2, nearest, nearest + 2), PlaceSettings())
+    assert {str(sighting.topology.star) for sighting in seen} == {"a+1 b+1 a-1 b-0"}
 
 
 def test_scans_from_farther_away_do_not_count():
