@@ -10,8 +10,10 @@ otherwise nothing here is held out.
 
 A hand-made node of three links or more is called found if a place of three ways or more has its
 middle or a base point within 1 m. Many such nodes are waypoints from which two ways lead on: the
-last column leaves them out. A skeleton pruned hardly at all has two to three times as many
-junctions; aaf_y3 then comes to .43, and chance to .23.
+last column leaves them out. The distance at which the walls of halls are followed was chosen with
+these graphs in view (1.4 to 2 m were tried: aaf_y3 has its most junctions at 1.5 and 1.6 m, .42
+at 1.4 and 1.75 m), and the crossings of halls make more places, so what chance gives is printed
+beside.
 """
 
 from __future__ import annotations
