@@ -6,6 +6,10 @@ truth/corridor_places.json. Stars are compared as each visit read them, before `
 near each other suggest readings to one another ("told" is with those). Corridor level is what
 ``hssh build`` does by default; door level (``--doors keep``) is shown for information.
 
+Where rooms have few listed crossings, the pairs of visits compared are those that passed one spot.
+The trial took corrected poses only, and of the first log of rooms the visits to listed crossings:
+these stand below, as the trial counted them.
+
 Precision is given twice: raw, and with the side openings left out that the list of places lacked,
 which truth/corridor_openings.json adds. Pictures show each visit that is wrong by the first, green
 where the second leaves it out.
@@ -123,6 +127,10 @@ def _report(
         f"{equal:6.2f}{second:7.2f}{told:5.2f}   {TRIAL.get(name, '')}",
         flush=True,
     )
+    if name in ROOMS:
+        print(
+            f"{'':18}at listed crossings {rates.pairs} pairs, equal {rates.equal:.2f}", flush=True
+        )
     _show_wrong(f"logs_{name}_{mode}_doors_{kb.record.options['doors']}", kb, rates)
     in_time = seconds < (drive_s if has_clock else 0.5 * drive.length_m)  # at 2 m/s
     straight = mode != "corrected" or mean <= MAX_MEAN_M
