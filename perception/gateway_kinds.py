@@ -43,15 +43,15 @@ class MouthRule:
     """
 
     closed_opening: float = 1.05
-    closed_arc_deg: float = 30.0
-    closed_other_arc_deg: float = 60.0
+    closed_arc_deg: float = 25.0
+    closed_other_arc_deg: float = 70.0
     joined_opening: float = 1.1
     joined_arc_deg: float = 45.0
     joined_other_arc_deg: float = 75.0
     sure_opening: float = 1.5
     sure_arc_deg: float = 30.0
     tip_opening: float = 1.25
-    tip_arc_deg: float = 100.0
+    tip_arc_deg: float = 110.0
     tip_in_line: float = 0.6
     line_opening: float = 1.35
     line_arc_deg: float = 28.0
