@@ -25,6 +25,7 @@ from hssh_kb.score import TERMS, Addends, Score
 from hssh_kb.weigh_visits import VisitWeigher
 
 _CACHE_BYTES = 320 * 2**20
+_KEPT = 64  # of the states rebuilt on the way to one, one in so many is kept
 
 
 class MapTree(VisitWeigher):
@@ -87,12 +88,20 @@ class MapTree(VisitWeigher):
             todo.append(above)
             above = above.parent
         state = above.state if above is not None and above.visit >= 0 else None
-        for one in reversed(todo):
+        for k, one in reversed(list(enumerate(todo))):
             state = self._start(one) if state is None else self.advance(state, one)
-            self._keep(one, state)
+            if k % _KEPT == 0:
+                self._keep(one, state)
         if state is None:
             raise InputError("the tree of maps has no visit yet")
         return state
+
+    def release(self, node: Node) -> None:
+        """Forget the state of a map that will hardly be asked for again."""
+        kept = self._cache.pop(node.serial, None)
+        if kept is not None:
+            self._cached_bytes -= kept[1]
+            node.state = None
 
     def _start(self, node: Node) -> LeafState:
         i = node.decision.reading

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from hssh_kb.experience import Displacement
 from hssh_kb.joint_covariance import JointCovariance
 from hssh_kb.town import Town
-from hssh_kb.walk_graph import Index, Step
+from hssh_kb.walk_graph import Index, Step, WalkGraph
 
 Array = NDArray[np.float64]
 _REACH_SIGMAS = 5.0  # places further off than that, on the safe side, can be no closure
@@ -141,17 +141,29 @@ class PlaceFilter:
         wanted : numbers of places that must be held, the most important first.
         length_m : typical length of a travel.
         """
+        town, places, cov = self.town.move(
+            self._list_steps(), self.places, self.mean, pose, wanted, length_m
+        )
+        graph = town.graph
+        mean = graph.poses[np.r_[graph.last, graph.first[places]]]
+        return PlaceFilter.of(mean, cov, places, self.count, town)
+
+    def remember_walk(self, length_m: float) -> WalkGraph:
+        """Return the graph of all visits.
+
+        Parameters
+        ----------
+        length_m : typical length of a travel.
+        """
+        return self.town.extend(self._list_steps(), self.places, self.mean, length_m)
+
+    def _list_steps(self) -> list[Step]:
         steps = []
         log = self.log
         while log is not None:
             steps.append(log.step)
             log = log.before
-        town, places, cov = self.town.move(
-            steps[::-1], self.places, self.mean, pose, wanted, length_m
-        )
-        graph = town.graph
-        mean = graph.poses[np.r_[graph.last, graph.first[places]]]
-        return PlaceFilter.of(mean, cov, places, self.count, town)
+        return steps[::-1]
 
     def step_ahead(self, displacement: Displacement | None, length_m: float) -> Prediction:
         """Return where the next visit should be, the window being what it is; see `predict`."""

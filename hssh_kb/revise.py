@@ -110,7 +110,7 @@ def _merge_on(
                 continue
             if is_over():
                 return None
-            change = Change(("merge", *pair), _merge_labels(labels, [pair]))
+            change = Change(("merge", *pair), merge_labels(labels, [pair]))
             made = thread_visits(tree, node, change, loose=loose)
             if made is not None and made.places < node.places:
                 node = made
@@ -123,7 +123,7 @@ def _merge_on(
     return None
 
 
-def _merge_labels(labels: list[int], pairs: Sequence[tuple[int, int]]) -> list[int]:
+def merge_labels(labels: list[int], pairs: Sequence[tuple[int, int]]) -> list[int]:
     """Return the labels with pairs of places made one, each place in one pair at most."""
     into: dict[int, int] = {}
     used: set[int] = set()
@@ -141,9 +141,9 @@ def _list_changes(tree: MapTree, node: Node) -> Iterator[Change]:
     doubted = frozenset(one.visit for one in chain if one.decision.doubted)
     pairs = _find_near_places(tree, node)
     if len(pairs) > 1:
-        yield Change(("all",), _merge_labels(labels, pairs))
+        yield Change(("all",), merge_labels(labels, pairs))
     for pair in pairs:
-        yield Change(("merge", *pair), _merge_labels(labels, [pair]))
+        yield Change(("merge", *pair), merge_labels(labels, [pair]))
     for v in _find_blamed(tree, chain):
         yield Change(("blame", v), labels, doubted - {v}, frozenset((v,)))
     for v in sorted(doubted):
@@ -194,7 +194,12 @@ def _find_near_places(tree: MapTree, node: Node) -> list[tuple[int, int]]:
 
 
 def thread_visits(
-    tree: MapTree, donor: Node, change: Change, *, loose: bool = False
+    tree: MapTree,
+    donor: Node,
+    change: Change,
+    *,
+    loose: bool = False,
+    most_worse: float = math.inf,
 ) -> Node | None:
     """Return the map of the donor's visits with a change, None if it cannot stand.
 
@@ -207,6 +212,7 @@ def thread_visits(
     loose : where a visit cannot be at the place wanted for it without doubt, it is where it
         fits best, and so are the later visits to that place: what was made one drags its
         neighbours along.
+    most_worse : give up where the map is so much worse [nats] than the donor at the same visit.
     """
     chain = donor.chain()[1:]
     labels, stars = change.labels, change.stars
@@ -227,9 +233,11 @@ def thread_visits(
         known = node.children.get(wanted) if node.children else None
         if known is None or (label in changed and node.visit >= 0) or v in change.believed:
             known = _take_best(tree, node, wanted, place, v in change.blamed, loose)
-        if known is None:
+        if known is None or known.score < one.score - most_worse:
             return None
         number.setdefault(label, known.decision.place)
+        if known is not one and node.parent is not None:
+            tree.release(node.parent)
         node = known
     return node
 

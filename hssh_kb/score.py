@@ -20,6 +20,7 @@ import numpy as np
 
 from hssh_kb.errors import InputError
 from hssh_kb.experience import Displacement, Experience
+from hssh_kb.heading_noise import estimate_heading_noise
 from hssh_kb.place_filter import Array, Innovation, Prediction
 from hssh_kb.travel_prior import TravelPrior, estimate_travel_prior
 
@@ -297,7 +298,8 @@ def estimate_score(experience: Experience, **overrides: Any) -> Score:  # noqa: 
     outlier, and the headings of one in ten say nothing (recorded logs). Without headings the
     frames are taken to be shared if no travel turns by more than 0.5 rad (frames that all point
     one way), else free. What the corridors have in common, if they do, is learned from all
-    travels (:mod:`hssh_kb.travel_prior`).
+    travels (:mod:`hssh_kb.travel_prior`); how exact the headings of dlps are, from visits that
+    soon come back (:mod:`hssh_kb.heading_noise`).
 
     Parameters
     ----------
@@ -318,6 +320,9 @@ def estimate_score(experience: Experience, **overrides: Any) -> Score:  # noqa: 
     turned = [abs((d.theta + math.pi) % (2 * math.pi) - math.pi) for d in moves]
     values["frames"] = "shared" if max(turned, default=0.0) <= 0.5 else "free"
     values["travels"] = estimate_travel_prior(experience)
+    noise = estimate_heading_noise(experience, values.get("area_m2", Score.area_m2))
+    if noise is not None:
+        values["dlp_heading_rad"] = noise
     return Score(**(values | overrides))
 
 

@@ -81,6 +81,14 @@ class Town:
         x, y, theta = self.graph.poses[self.graph.first[place]].tolist()
         return (x, y, theta), self.deviations[place]
 
+    def extend(self, steps: Sequence[Step], held: Index, mean: Array, length_m: float) -> WalkGraph:
+        """Return the graph with the visits since; parameters as for :meth:`move`."""
+        graph = self.graph.extend(steps, length_m)
+        poses = graph.poses.copy()
+        poses[graph.first[held]] = mean[1:]
+        poses[graph.last] = mean[0]
+        return replace(graph, poses=poses)
+
     def move(
         self,
         steps: Sequence[Step],
@@ -101,15 +109,11 @@ class Town:
         wanted : numbers of places that must be held, the most important first.
         length_m : typical length of a travel.
         """
-        graph = self.graph.extend(steps, length_m)
+        graph = self.extend(steps, held, mean, length_m)
         since, here = self.since + len(steps), int(graph.place[graph.last])
         is_whole = len(graph.first) <= _PART or since * _VISITS_PER_WHOLE >= len(graph.poses)
         if is_whole:
             graph = graph.forget()
-        poses = graph.poses.copy()
-        poses[graph.first[held]] = mean[1:]
-        poses[graph.last] = mean[0]
-        graph = replace(graph, poses=poses)
         chosen = _choose_near(graph, pose, _AROUND)
         chosen[wanted[:_MOST_WANTED]] = chosen[here] = True
         places = np.flatnonzero(chosen)

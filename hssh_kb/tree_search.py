@@ -19,6 +19,7 @@ import bisect
 import math
 from collections.abc import Callable
 
+from hssh_kb.doubles import find_doubles
 from hssh_kb.errors import InputError
 from hssh_kb.experience import Experience, Visit
 from hssh_kb.fronts import Fronts
@@ -28,7 +29,7 @@ from hssh_kb.map_tree import MapTree
 from hssh_kb.node import GATE_NATS, Node
 from hssh_kb.nogoods import Nogood, is_refuted, learn_nogood
 from hssh_kb.repair import RepairQueue, propose_repairs
-from hssh_kb.revise import revise_map
+from hssh_kb.revise import Change, merge_labels, revise_map, thread_visits
 from hssh_kb.score import Score, estimate_score
 from hssh_kb.search_budget import Budget
 
@@ -48,6 +49,8 @@ _PATIENCE = 3  # stretches looked back at in vain before the search ends
 _LOOK_BACK_NATS = 10.0  # maps that much worse are grown where the favourite went wrong ...
 _MOST_EXTRA_NATS = 30.0  # ... each time that is looked into, up to that
 _LOOK_BACK_WORK = 600_000  # units of work after which a search looks back no more
+_STRETCH = 250  # visits after which a long walk is looked back at, before the search goes on
+_MOST_WORSE_NATS = 12.0  # a merger that makes a map so much worse on the way is given up
 _ESTIMATED = (2, 4, 8, 16, 32, 64)  # visits known when the score is estimated anew
 _DETOURS = 4  # maps grown for each visit at most to get to the end when the budget is spent
 
@@ -101,6 +104,7 @@ class TreeOfMaps:
         self._extra: list[float] = []
         self._looked: dict[int, int] = {}
         self._look_from = 0
+        self._merged_to = 0
         self._variance = 0.0
         self._repairs = RepairQueue()
         self.nogoods: dict[int, list[Nogood]] = {}
@@ -246,9 +250,11 @@ class TreeOfMaps:
         first = len(_STAGES) - 1 if blurred else 0
         lead, start, is_enough = None, self.tree.work, is_over
         for stage in range(first, len(_STAGES)):
-            self._sweep(stage, is_enough)
-            if self.score.slip == 0:
-                self._look_back(stage, self._end_by(start + _LOOK_BACK_WORK, is_enough))
+            for goal in self._list_goals(stage) if stage == first else [len(self._visits) - 1]:
+                self._sweep(stage, goal, is_enough)
+                if self.score.slip == 0:
+                    self._look_back(stage, goal, self._end_by(start + _LOOK_BACK_WORK, is_enough))
+                    self._merge_doubles(goal, is_enough)
             found = self.lead
             if found is not None and (found is lead or is_enough()):
                 return
@@ -257,26 +263,62 @@ class TreeOfMaps:
                 is_enough = self._end_by(end, is_over)
             lead = found
 
-    def _look_back(self, stage: int, is_over: Callable[[], bool]) -> None:
+    def _list_goals(self, stage: int) -> list[int]:
+        """Return the visits at which to look back, evenly spread, the last among them."""
+        start, last = self._swept[stage], len(self._visits) - 1
+        count = max(1, round((last - start) / _STRETCH))
+        return [start + (last - start) * (k + 1) // count for k in range(count)]
+
+    def _find_lead(self, depth: int) -> Node | None:
+        """Return the best map of the visits up to one; None if there is none."""
+        return next(iter(self._fronts.list_best(depth, 1)), None)
+
+    def _look_back(self, stage: int, goal: int, is_over: Callable[[], bool]) -> None:
         """Grow more maps where the best complete one shows that it went wrong, while that helps."""
         patience = _PATIENCE
         while patience and not is_over():
-            lead = self.lead
+            lead = self._find_lead(goal)
             stretch = find_strange_stretch(lead, self._look_from, self.score, self._looked)
             if stretch is None:
                 return
             for depth in range(stretch.start, stretch.end):
                 self._extra[depth] = min(self._extra[depth] + _LOOK_BACK_NATS, _MOST_EXTRA_NATS)
             self._swept[stage] = stretch.start
-            self._sweep(stage, is_over)
-            patience = patience - 1 if self.lead is lead else _PATIENCE
+            self._sweep(stage, goal, is_over)
+            patience = patience - 1 if self._find_lead(goal) is lead else _PATIENCE
 
     def _end_by(self, work: float, is_over: Callable[[], bool]) -> Callable[[], bool]:
         return lambda: self.tree.work >= work or is_over()
 
-    def _sweep(self, stage: int, is_over: Callable[[], bool]) -> None:
+    def _merge_doubles(self, goal: int, is_over: Callable[[], bool]) -> None:
+        """Merge places that the best map holds twice; the maps made wait as leaves."""
+        if goal < min(self._merged_to + _STRETCH // 2, len(self._visits) - 1):
+            return
+        self._merged_to = goal
+        tried = set[tuple[int, int]]()
+        lead = self._find_lead(goal)
+        while lead is not None and not is_over():
+            labels = [one.decision.place for one in lead.chain()[1:]]
+            better = None
+            for pair in find_doubles(self.tree, lead):
+                firsts = labels.index(pair[0]), labels.index(pair[1])
+                if firsts in tried or is_over():
+                    continue
+                tried.add(firsts)
+                change = Change(("merge", *pair), merge_labels(labels, [pair]))
+                made = thread_visits(
+                    self.tree, lead, change, loose=True, most_worse=_MOST_WORSE_NATS
+                )
+                print("   merge",pair,firsts,None if made is None else round(made.score-lead.score,1))
+                if made is not None and made.score > lead.score:
+                    self._fronts.wait(made)
+                    better = made
+                    break
+            lead = better
+
+    def _sweep(self, stage: int, last: int, is_over: Callable[[], bool]) -> None:
         """Let the front of each depth grow, from the first that may have changed to the last."""
-        fronts, last = self._fronts, len(self._visits) - 1
+        fronts = self._fronts
         depth = self._swept[stage]
         while depth < last and not is_over():
             self._widen(depth, stage, is_over)
@@ -359,7 +401,7 @@ class TreeOfMaps:
     @property
     def lead(self) -> Node | None:
         """The best map of all visits so far as a node of the tree; None if there is none."""
-        return next(iter(self._fronts.list_best(len(self._visits) - 1, 1)), None)
+        return self._find_lead(len(self._visits) - 1)
 
     def reached(self, depth: int) -> bool:
         """Return whether some map has explained the visits up to one."""

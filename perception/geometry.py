@@ -78,17 +78,26 @@ def transform_points(pose: Any, points: Any) -> Array:  # noqa: ANN401
 
 
 def compose_covariance(a: Any, cov_a: Any, b_in_a: Any, cov_b: Any) -> Array:  # noqa: ANN401
-    """Return the covariance (3, 3) of ``a (+) b`` to first order, a and b independent.
+    """Return the covariance of ``a (+) b`` to first order, a and b independent.
+
+    Parameters
+    ----------
+    a, b_in_a : (..., 3) arrays; m, m, rad.
+    cov_a, cov_b : (..., 3, 3) arrays, their covariances.
 
     Source
     ------
     Smith, Self and Cheeseman 1990, as cited by Beeson 2008, 9.3.1.
     """
     a, b = np.asarray(a, float), np.asarray(b_in_a, float)
-    c, s = np.cos(a[2]), np.sin(a[2])
-    to_a = np.array([[1, 0, -s * b[0] - c * b[1]], [0, 1, c * b[0] - s * b[1]], [0, 0, 1.0]])
-    to_b = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
-    return np.asarray(to_a @ np.asarray(cov_a) @ to_a.T + to_b @ np.asarray(cov_b) @ to_b.T)
+    c, s, x, y = np.broadcast_arrays(np.cos(a[..., 2]), np.sin(a[..., 2]), b[..., 0], b[..., 1])
+    to_a = np.broadcast_to(np.eye(3), (*c.shape, 3, 3)).copy()
+    to_a[..., 0, 2], to_a[..., 1, 2] = -s * x - c * y, c * x - s * y
+    to_b = np.broadcast_to(np.eye(3), (*c.shape, 3, 3)).copy()
+    to_b[..., 0, 0] = to_b[..., 1, 1] = c
+    to_b[..., 0, 1], to_b[..., 1, 0] = -s, s
+    first = to_a @ np.asarray(cov_a) @ to_a.swapaxes(-1, -2)
+    return np.asarray(first + to_b @ np.asarray(cov_b) @ to_b.swapaxes(-1, -2))
 
 
 def chain_motions(motions: Any) -> Array:  # noqa: ANN401
