@@ -1,8 +1,8 @@
-"""Places that a map holds twice: found by the layout of the whole walk.
+"""Places that a map holds twice: found by the layout of the whole walk, and merged.
 
-Early on, whether a visit is to a new place or to a known one close by may be nearly a tie, and what
-comes later decides it: the better the town is known, the less room there is for two places side
-by side. Best-first search has then long gone on with the map that was a little better at the time.
+Whether a visit is to a new place or to a known one close by may at first be nearly a tie, and what
+comes later decides it: the better a town is known, the less room there is for two places side by
+side. By then best-first search has long gone on with the map that was a little better at the time.
 
 Source: ours.
 """
@@ -10,21 +10,51 @@ Source: ours.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from hssh_kb.map_tree import MapTree
 from hssh_kb.node import LeafState, Node
+from hssh_kb.revise import Change, merge_labels, thread_visits
 from hssh_kb.score import Score
 from hssh_kb.walk_graph import Array, WalkGraph
 from hssh_kb.walk_layout import lay_out
 
-_WORTH_NATS = -3.0  # pairs that promise less are not worth a try
-_MOST_PAIRS = 64
-_SIGMAS = 4.0
-_SIGMAS_HEADING = 3.0
+_WORTH_NATS = -3.0  # pairs that promise less are not tried
+_WORSE_NATS = 12.0  # a merger that makes a map so much worse on the way is given up
+_MOST_PAIRS = 64  # looked at closely
+_REACH = 0.5  # typical travels between two places that may be one, at most
+_BLUR = 0.02  # of a typical travel: so far apart they may be one, however well they are known
+_SIGMAS = 5.0  # so many deviations apart they may be one
+
+
+def merge_doubles(tree: MapTree, lead: Node, is_over: Callable[[], bool]) -> Iterator[Node]:
+    """Yield maps that hold fewer places twice, each better than the one before.
+
+    Parameters
+    ----------
+    tree, lead : the map to begin with.
+    is_over : tells when to stop (the budget is spent).
+    """
+    tried = set[tuple[int, int]]()
+    node: Node | None = lead
+    while node is not None:
+        better = None
+        labels = [one.decision.place for one in node.chain()[1:]]
+        for pair in [] if is_over() else find_doubles(tree, node):
+            visits = labels.index(pair[0]), labels.index(pair[1])
+            if visits in tried or is_over():
+                continue
+            tried.add(visits)
+            change = Change(("merge", *pair), merge_labels(labels, [pair]))
+            made = thread_visits(tree, node, change, loose=True, worse_nats=_WORSE_NATS)
+            if made is not None and made.score > node.score:
+                better = made
+                yield made
+                break
+        node = better
 
 
 def find_doubles(tree: MapTree, node: Node) -> list[tuple[int, int]]:
@@ -38,73 +68,74 @@ def find_doubles(tree: MapTree, node: Node) -> list[tuple[int, int]]:
     -------
     pairs : numbers of the two places, the earlier first.
     """
-    state = tree.state_of(node)
-    graph = state.filter.remember_walk(tree.score.length_m)
-    pairs = [pair for pair in _find_near(state, graph, tree.score) if _match(tree, state, pair)]
-    places = np.unique(np.array(pairs, np.intp))
-    if not len(places):
+    state, length = tree.state_of(node), tree.score.length_m
+    graph = state.filter.remember_walk(length)
+    turns = {pair: _match(tree, state, pair) for pair in _find_near(state, graph, tree.score)}
+    pairs = [pair for pair, found in turns.items() if found]
+    if not pairs:
         return []
-    window = lay_out(graph, places, tree.score.length_m, sampled=False)
+    places = np.unique(np.array(pairs, np.intp))
+    window = lay_out(graph, places, length, sampled=False)
+    tree.work += len(window.graph.poses)
     poses = window.graph.poses[window.graph.first[places]]
     cov = window.cov[3:, 3:].reshape(len(places), 3, len(places), 3)
-    worth = dict[tuple[int, int], float]()
+    worth = {}
     for pair in pairs:
-        i, j = np.searchsorted(places, pair)
+        i, j = np.searchsorted(places, pair).tolist()
         spread = cov[i, :, i] + cov[j, :, j] - cov[i, :, j] - cov[j, :, i]
-        found = _weigh(tree, state, pair, poses[j] - poses[i], spread)
+        gap = poses[j] - poses[i]
+        found = max(_weigh(tree.score, gap, spread, *turn) for turn in turns[pair])
         if found > _WORTH_NATS:
             worth[pair] = found
     return sorted(worth, key=lambda pair: (-worth[pair], pair))
 
 
-def _find_near(state: LeafState, graph: WalkGraph, score: Score) -> Iterator[tuple[int, int]]:
-    """Yield pairs of places that lie on each other, as far as samples of their errors tell."""
+def _find_near(state: LeafState, graph: WalkGraph, score: Score) -> list[tuple[int, int]]:
+    """Return the pairs of places that lie on each other, as far as samples of their errors tell."""
     spots = graph.poses[graph.first, :2]
     errors = state.filter.town.errors[:, :2]
-    known, size = len(errors), errors.shape[2]
-    found = list[tuple[float, tuple[int, int]]]()
-    for i, j in sorted(cKDTree(spots).query_pairs(0.5 * score.length_m)):
-        off = math.dist(spots[i], spots[j])
-        reach = 0.5 * score.length_m
-        if size and j < known:
+    known = len(errors) if errors.shape[2] else 0
+    widest = _REACH * score.length_m
+    found = []
+    for i, j in cKDTree(spots).query_pairs(widest):
+        reach = widest
+        if max(i, j) < known:
             spread = float(np.mean(np.sum((errors[i] - errors[j]) ** 2, axis=0)))
-            reach = _SIGMAS * math.sqrt(1.5 * spread + score.spread_m**2)
-        if off < reach + 0.02 * score.length_m:
-            found.append((off / reach, (i, j)))
-    yield from (pair for _, pair in sorted(found)[:_MOST_PAIRS])
+            reach = _SIGMAS * math.sqrt(spread + 2 * score.spread_m**2) + _BLUR * score.length_m
+        share = math.dist(spots[i], spots[j]) / reach
+        if share < 1:
+            found.append((share, (min(i, j), max(i, j))))
+    return [pair for _, pair in sorted(found)[:_MOST_PAIRS]]
 
 
-def _match(tree: MapTree, state: LeafState, pair: tuple[int, int]) -> bool:
-    return bool(_list_turns(tree, state, pair))
-
-
-def _list_turns(tree: MapTree, state: LeafState, pair: tuple[int, int]) -> list[tuple[float, float, float]]:
-    one, other = pair
+def _match(
+    tree: MapTree, state: LeafState, pair: tuple[int, int]
+) -> list[tuple[float, float, float]]:
+    """Return turn [rad], its variance and the misfit of the stars of two places, every way."""
+    (one, other), read = pair, state.place_readings
     first, later = state.firsts[one], state.firsts[other]
-    read, read_later = state.place_readings[one], state.place_readings[other]
-    at_place = tree.visits[first].readings[read]
-    at_visit = tree.visits[later].readings[read_later]
+    known = tree.visits[first].readings[read[one]]
+    seen = tree.visits[later].readings[read[other]]
     return [
-        tree.score.match_headings(
-            at_place.headings, at_visit.headings, offset, at_visit.star.alpha
-        )
-        for offset in tree.isomorphisms(later, read_later, first, read)
+        tree.score.match_headings(known.headings, seen.headings, offset, seen.star.alpha)
+        for offset in tree.isomorphisms(later, read[other], first, read[one])
     ]
 
 
 def _weigh(
-    tree: MapTree, state: LeafState, pair: tuple[int, int], gap: Array, spread: Array
+    score: Score, gap: Array, spread: Array, turn: float, var: float, misfit: float
 ) -> float:
-    """Return what a merger should add to the log posterior."""
-    score = tree.score
-    best = -math.inf
-    for turn, var, misfit in _list_turns(tree, state, pair):
-        noise = np.diag([score.spread_m**2 + 1e-9, score.spread_m**2 + 1e-9])
-        plane = spread[:2, :2] + noise
-        chi2 = float(gap[:2] @ np.linalg.solve(plane, gap[:2]))
-        worth = -0.5 * chi2 - 0.5 * math.log(float(np.linalg.det(2 * math.pi * plane)))
-        if math.isfinite(var):
-            left = (gap[2] - turn + math.pi) % (2 * math.pi) - math.pi
-            worth -= 0.5 * max(left**2 / (var + spread[2, 2]) - 1.0, 0.0)
-        best = max(best, worth + misfit)
-    return best + math.log(score.area_m2) - score.place_prior
+    """Return what it should add to the log posterior if two places are one.
+
+    Parameters
+    ----------
+    gap, spread : pose (3,) of the later place minus that of the earlier, and its covariance (3, 3).
+    turn, var, misfit : of their stars; see :meth:`hssh_kb.score.Score.match_headings`.
+    """
+    around = spread[:2, :2] + (score.spread_m**2 + 1e-12) * np.eye(2)
+    chi2 = float(gap[:2] @ np.linalg.solve(around, gap[:2]))
+    worth = misfit - 0.5 * chi2 - 0.5 * math.log(float(np.linalg.det(2 * math.pi * around)))
+    if math.isfinite(var):
+        left = (gap[2] - turn + math.pi) % (2 * math.pi) - math.pi
+        worth -= 0.5 * max(left**2 / (var + spread[2, 2]) - 1.0, 0.0)
+    return worth + math.log(score.area_m2) - score.place_prior

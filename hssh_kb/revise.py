@@ -199,7 +199,7 @@ def thread_visits(
     change: Change,
     *,
     loose: bool = False,
-    most_worse: float = math.inf,
+    worse_nats: float = math.inf,
 ) -> Node | None:
     """Return the map of the donor's visits with a change, None if it cannot stand.
 
@@ -212,7 +212,7 @@ def thread_visits(
     loose : where a visit cannot be at the place wanted for it without doubt, it is where it
         fits best, and so are the later visits to that place: what was made one drags its
         neighbours along.
-    most_worse : give up where the map is so much worse [nats] than the donor at the same visit.
+    worse_nats : give up where the map is so much worse [nats] than the donor at the same visit.
     """
     chain = donor.chain()[1:]
     labels, stars = change.labels, change.stars
@@ -233,7 +233,7 @@ def thread_visits(
         known = node.children.get(wanted) if node.children else None
         if known is None or (label in changed and node.visit >= 0) or v in change.believed:
             known = _take_best(tree, node, wanted, place, v in change.blamed, loose)
-        if known is None or known.score < one.score - most_worse:
+        if known is None or known.score < one.score - worse_nats:
             return None
         number.setdefault(label, known.decision.place)
         if known is not one and node.parent is not None:
