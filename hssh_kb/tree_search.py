@@ -66,7 +66,7 @@ class TreeOfMaps(GrowingTree):
         self._extra: list[float] = []
         self._looked: dict[int, int] = {}
         self._look_from = 0
-        self._merged_to = 0
+        self._merged_to = -_STRETCH
         self._variance = 0.0
 
     def _add(self, visit: Visit) -> None:
@@ -153,8 +153,8 @@ class TreeOfMaps(GrowingTree):
 
     def _merge_doubles(self, goal: int, is_over: Callable[[], bool]) -> None:
         """Merge places that the best map holds twice; the maps made wait as leaves."""
-        lead, last = self._find_lead(goal), len(self._visits) - 1
-        if lead is not None and goal >= min(self._merged_to + _STRETCH // 2, last):
+        lead = self._find_lead(goal)
+        if lead is not None and goal >= self._merged_to + _STRETCH // 2:
             self._merged_to = goal
             for better in merge_doubles(self.tree, lead, is_over):
                 self._fronts.wait(better)
