@@ -32,7 +32,7 @@ import numpy as np
 from perception.geometry import Array
 from perception.grid import Frame, Image
 from perception.lpm import LocalMap
-from perception.revisit import is_walled_off, look_again, map_passage
+from perception.revisit import find_walled_off, look_again, map_passage, touches_wall
 from perception.scanlog import ScanLog
 from perception.sightings import (
     LOOKED_AROUND_RAD,
@@ -163,7 +163,7 @@ def detect_places(
                 done.append(candidate)
     done += open_
     confirmed = (_passage(c, poses, settings) for c in done if c.is_confirmed(settings))
-    passages = _drop_glimpses([p for p in confirmed if p is not None])
+    passages = _drop_glimpses([p for p in confirmed if p is not None], poses)
     passages = _merge_returns(passages, poses, settings)
     passages = _separate(passages, poses)
     visits = (_commit(p, log, poses, settings) for p in passages)
@@ -216,8 +216,8 @@ def _passage(candidate: _Candidate, poses: Array, settings: PlaceSettings) -> _P
     return _Passage(candidate, centre, radius, first, last, nearest)
 
 
-def _drop_glimpses(passages: list[_Passage]) -> list[_Passage]:
-    """Leave out places read once only in passing, close to one that was read more often.
+def _drop_glimpses(passages: list[_Passage], poses: Array) -> list[_Passage]:
+    """Leave out places read once only in passing, close to one that was just read more often.
 
     Looking back at such a place, one sees the same bend of the same skeleton again.
     """
@@ -226,7 +226,9 @@ def _drop_glimpses(passages: list[_Passage]) -> list[_Passage]:
         for p in passages
         if len(p.candidate.sightings) > 1
         or not any(
-            len(o.candidate.sightings) > 1 and np.hypot(*(o.centre_m - p.centre_m)) < NESTED_M
+            len(o.candidate.sightings) > 1
+            and np.hypot(*(o.centre_m - p.centre_m)) < NESTED_M
+            and _drive_between(o, p, poses) < 2 * NESTED_M
             for o in passages
         )
     ]
@@ -262,14 +264,19 @@ def _merge_returns(
 
 
 def _is_return(a: _Passage, b: _Passage, poses: Array, settings: PlaceSettings) -> bool:
-    between = poses[a.nearest : b.nearest + 1, :2]
-    driven = float(np.hypot(*np.diff(between, axis=0).T).sum()) if len(between) > 1 else 0.0
+    driven = _drive_between(a, b, poses)
     apart = float(np.hypot(*(a.centre_m - b.centre_m)))
     shared = min(a.last, b.last) - max(a.first, b.first) + 1
     shorter = min(a.last - a.first, b.last - b.first) + 1
     if shared > NESTED_SHARE * shorter and apart < NESTED_M:
         return not _are_adjacent(a, b)
     return apart < settings.same_place_m + 0.02 * driven and driven < 60.0
+
+
+def _drive_between(a: _Passage, b: _Passage, poses: Array) -> float:
+    """Return how far the robot drove from one place to the other, metres."""
+    first, last = sorted((a.nearest, b.nearest))
+    return float(np.hypot(*np.diff(poses[first : last + 1, :2], axis=0).T).sum())
 
 
 def _are_adjacent(a: _Passage, b: _Passage) -> bool:
@@ -326,7 +333,7 @@ def _commit(
     else:
         entry = _guess_entry(poses[: passage.last + 1, 2], float(np.ptp(log.angles_rad)))
     local = map_passage(log, poses, centre, passage.nearest, settings)
-    if is_walled_off(local, poses[passage.nearest], centre, 2 * settings.robot_radius_m):
+    if _is_walled_off(candidate, local, poses[passage.nearest], settings):
         return None
     span = passage.first, passage.nearest, passage.last
     again = look_again(local, poses, centre, span, settings)
@@ -344,6 +351,25 @@ def _commit(
         local.image(),
         local.frame,
     )
+
+
+def _is_walled_off(
+    candidate: _Candidate, local: LocalMap, pose: Array, settings: PlaceSettings
+) -> bool:
+    """Tell whether walls part a pose from a place.
+
+    The centre of a large place may lie in a pillar, or at the corner of a wall; then most sightings
+    say it, of which all base points have to be parted from the pose.
+    """
+    width_m, centre = 2 * settings.robot_radius_m, candidate.centre_m
+    if not find_walled_off(local, pose, centre, width_m)[0]:
+        return False
+    if not touches_wall(local, centre, settings.robot_radius_m):
+        return True
+    bases = [s.frame.to_metres(s.topology.base_px) for s in candidate.sightings]
+    parted = find_walled_off(local, pose, np.vstack(bases), width_m)
+    ends = np.cumsum([len(base) for base in bases])[:-1]
+    return bool(np.mean([part.all() for part in np.split(parted, ends)]) > 0.5)
 
 
 def _guess_entry(headings: Array, field_rad: float) -> float | None:

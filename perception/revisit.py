@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.geometry import Array
 from perception.grid import OCCUPIED
@@ -27,7 +28,8 @@ WINDOW_M = 12.0
 leads nowhere; of one that was passed by, the end is unknown. So near the place both go on."""
 
 ASIDE_M = 0.3
-"""The local topology is read at the centre, and so far from it to four sides."""
+"""The local topology is read at the centre, and so far from it to four sides, where no wall lies in
+between: the centre of a large place may be in a pillar, or at the corner of a wall."""
 
 ON_WAY_M, MOST_ON_WAY = 1.5, 3
 """It is read as well where the robot was, so near to the centre, at so many poses."""
@@ -86,7 +88,8 @@ def look_again(
     first, nearest, last = passage
     local = local.shrink_to(min(WINDOW_M, settings.lpm_m))
     sides = np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]], float)
-    points = list(np.asarray(centre_m, float) + ASIDE_M * sides)
+    around = np.asarray(centre_m, float) + ASIDE_M * sides
+    points = list(around[~find_walled_off(local, poses[nearest], around, 0.0)])
     way = poses[first : last + 1, :2]
     way = way[np.hypot(*(way - centre_m).T) < ON_WAY_M]
     if len(way):
@@ -96,12 +99,14 @@ def look_again(
     return [s for s in found if s is not None and np.hypot(*(s.centre_m - centre_m)) < SAME_M]
 
 
-def is_walled_off(local: LocalMap, pose: Array, centre_m: Array, width_m: float) -> bool:
-    """Tell whether walls, or gaps in them narrower than a width, part a pose from a point.
+def find_walled_off(
+    local: LocalMap, pose: Array, points_m: Array, width_m: float
+) -> NDArray[np.bool_]:
+    """Tell of each point whether walls, or gaps narrower than a width, part a pose from it.
 
     Parameters
     ----------
-    local : see :func:`map_passage`. pose : (3,) of the laser. centre_m : (2,). Both drive frame.
+    local : see :func:`map_passage`. pose : (3,) of the laser. points_m : (n, 2). All drive frame.
     width_m : pieces of wall so near to each other are one.
 
     Source
@@ -112,10 +117,23 @@ def is_walled_off(local: LocalMap, pose: Array, centre_m: Array, width_m: float)
     side = 2 * round(width_m / 2 / frame.resolution_m) + 1
     occupied = (local.image() == OCCUPIED).astype(np.uint8)
     solid = cv2.morphologyEx(occupied, cv2.MORPH_CLOSE, np.ones((side, side), np.uint8))
-    (x0, y0), (x1, y1) = frame.to_pixels(pose[:2]), frame.to_pixels(centre_m)
-    steps = int(max(abs(x1 - x0), abs(y1 - y0))) + 2
-    x, y = (
-        np.linspace(x0, x1, steps).round().astype(int),
-        np.linspace(y0, y1, steps).round().astype(int),
-    )
-    return bool(solid[y, x].any())
+    start, ends = frame.to_pixels(pose[:2]), frame.to_pixels(np.asarray(points_m, float))
+    share = np.linspace(0.0, 1.0, 2 * len(solid))[:, None]
+    parted = []
+    for end in ends.reshape(-1, 2):
+        x, y = np.rint(start + share * (end - start)).astype(int).T
+        on = (x >= 0) & (y >= 0) & (x < solid.shape[1]) & (y < solid.shape[0])
+        parted.append(bool(solid[y[on], x[on]].any()))
+    return np.array(parted, bool)
+
+
+def touches_wall(local: LocalMap, point_m: Array, radius_m: float) -> bool:
+    """Tell whether a wall lies within a radius of a point (2,), drive frame.
+
+    Source
+    ------
+    Ours.
+    """
+    rows, columns = np.nonzero(local.image() == OCCUPIED)
+    away = np.column_stack([columns, rows]) - local.frame.to_pixels(np.asarray(point_m, float))
+    return bool(np.hypot(*away.T).min(initial=np.inf) * local.frame.resolution_m < radius_m)

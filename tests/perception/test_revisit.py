@@ -1,12 +1,21 @@
 """The map of a passage: a crossing looks the same from whichever side it was entered."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from segment_world import HALF_TURN, cast, follow
 
 from perception.lpm import HIGHEST, LocalMap
-from perception.places import PlaceSettings, _Candidate, _passage
-from perception.revisit import REACH_M, is_walled_off, look_again, map_passage
+from perception.places import (
+    PlaceSettings,
+    _Candidate,
+    _drop_glimpses,
+    _is_walled_off,
+    _Passage,
+    _passage,
+)
+from perception.revisit import REACH_M, find_walled_off, look_again, map_passage, touches_wall
 from perception.scanlog import ScanLog
 from perception.sightings import Sighting
 
@@ -99,5 +108,36 @@ def test_what_lies_behind_a_row_of_pillars_is_walled_off(gap_m, parted):
         local.log_odds[row - 1 : row + 1, column - 1 : column + 1] = HIGHEST
     middle = (pillars[len(pillars) // 2] + pillars[len(pillars) // 2 - 1]) / 2
     pose = np.array([middle, 0.0, 0.0])
-    assert is_walled_off(local, pose, np.array([middle, 2.0]), 0.8) is parted
-    assert not is_walled_off(local, pose, np.array([middle, -2.0]), 0.8)
+    points = np.array([[middle, 2.0], [middle, -2.0]])
+    assert find_walled_off(local, pose, points, 0.8).tolist() == [parted, False]
+    assert touches_wall(local, np.array([pillars[0], 1.2]), 0.4)
+    assert not touches_wall(local, np.array([pillars[0], 1.7]), 0.4)
+
+
+def test_a_place_read_once_gives_way_to_its_neighbour_but_not_to_a_later_visit():
+    poses = np.zeros((60, 3))
+    poses[:, 0] = np.concatenate([np.arange(30.0), np.arange(29.0, -1.0, -1.0)])
+
+    def passage(scan, centre, times):
+        sighting = Sighting(scan, poses[scan], np.array(centre), 1.0, None, 1.0, None, None)
+        candidate = _Candidate([sighting] * times)
+        return _Passage(candidate, candidate.centre_m, 1.0, scan - 1, scan + 1, scan)
+
+    once, beside = passage(10, (10.0, 0.0), 1), passage(12, (12.0, 0.0), 3)
+    later = passage(49, (10.0, 0.0), 3)
+    assert _drop_glimpses([once, beside], poses) == [beside]
+    assert _drop_glimpses([once, later], poses) == [once, later]
+
+
+def test_a_large_place_whose_middle_is_a_pillar_is_visited():
+    local, robot = LocalMap(), np.array([-1.5, 0.0, 0.0])
+    column, row = np.rint(local.frame.to_pixels(np.zeros(2))).astype(int)
+    local.log_odds[row - 4 : row + 5, column - 4 : column + 5] = HIGHEST
+
+    def seen(*base):
+        topology = SimpleNamespace(base_px=local.frame.to_pixels(np.array(base)))
+        return Sighting(0, robot, np.zeros(2), 2.0, None, 1.0, topology, local.frame)
+
+    settings = PlaceSettings()
+    for around, walled in (([(-1.0, 1.0), (1.0, 0.0)], False), ([(1.0, 0.0)], True)):
+        assert _is_walled_off(_Candidate([seen(*around)]), local, robot, settings) is walled
