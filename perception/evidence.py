@@ -2,7 +2,8 @@
 
 A lidar that looks forward sees of a way beside or behind it no more than a sliver. The robot cannot
 pass there as far as it has seen, so the skeleton ends early; but what is free in line beyond the
-gateway tells a way from a niche. And a gateway that the robot went through is one.
+gateway tells a way from a niche. What nobody could look into may be either: it stays in doubt, and
+with it the star. And a gateway that the robot went through is one.
 
 Source: ours; it stands for the turn on the spot that Beeson 2008, 5.3.2, asks of a robot whose
 lidar sees a half circle, where the drive is over and cannot be changed.
@@ -13,21 +14,26 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import cv2
 import numpy as np
 
 from perception.continuity import read_stars
 from perception.gateways import Gateway, rate_way
 from perception.geometry import Array
-from perception.grid import Image, Mask, classify
+from perception.grid import Cells, Image, Mask, classify
 from perception.level import is_crossed
+from perception.region import Index
 from perception.topology import LocalTopology
 
-_WIDER = 1.2
+_WIDER = 1.1
 """Gateways so many times wider than the narrowest frontier that counts are no doors left ajar."""
 
 _SEEN_FAR, _SEEN_SPREAD = 2.0, 0.35
 """A way seen so many times the least depth straight on is even odds: an alcove is no deeper; and
 how fast the odds grow with what is seen."""
+
+_HIDDEN = 0.5
+"""Odds even: of a way that nobody could look into, no wall is known to end it."""
 
 _FAN_RAD = np.radians(np.arange(-60.0, 61.0, 10.0))
 """Directions in which one looks out of a gateway for a way that does not go on straight."""
@@ -54,9 +60,9 @@ def weigh_gateways(
     """
     if not topology.gateways:
         return topology
-    free = classify(image).free
+    cells = classify(image)
     gateways = tuple(
-        replace(g, confidence=_confide(g, free, way_px, min_frontier_px, min_depth_px))
+        replace(g, confidence=_confide(g, cells, way_px, min_frontier_px, min_depth_px))
         for g in topology.gateways
     )
     x, y = topology.base_px.mean(axis=0).tolist()
@@ -64,18 +70,19 @@ def weigh_gateways(
 
 
 def _confide(
-    gateway: Gateway, free: Mask, way_px: Array, min_frontier_px: float, min_depth_px: float
+    gateway: Gateway, cells: Cells, way_px: Array, min_frontier_px: float, min_depth_px: float
 ) -> float:
     """Return the probability that a way leads out of a gateway."""
     if gateway.frontier_px <= 0 or is_crossed(gateway, way_px):
         return 1.0
-    depth, seen = gateway.depth_px, see_beyond(gateway, free)
+    depth, seen = gateway.depth_px, see_beyond(gateway, cells.free)
     if gateway.width_px >= _WIDER * min_frontier_px:
         depth = max(depth, seen)
     sure = rate_way(gateway.frontier_px, depth, min_frontier_px, min_depth_px)
     if min_depth_px > 0:
         over = (seen / min_depth_px - _SEEN_FAR) / _SEEN_SPREAD
-        sure /= 1.0 + math.exp(-min(over, 60.0))
+        far = 1.0 / (1.0 + math.exp(-max(min(over, 60.0), -60.0)))
+        sure *= max(far, _HIDDEN * share_hidden(gateway, cells))
     return sure
 
 
@@ -97,6 +104,26 @@ def see_beyond(gateway: Gateway, free: Mask) -> float:
     return max(see_through(gateway, free), aslant)
 
 
+def share_hidden(gateway: Gateway, cells: Cells) -> float:
+    """Return the share of the looks straight out of a gateway that end at unknown cells.
+
+    What ends there is not seen to end: something hides it, or the robot looked elsewhere.
+
+    Source
+    ------
+    Ours.
+    """
+    solid = cv2.dilate(cells.occupied.view(np.uint8), np.ones((3, 3), np.uint8))
+    x, y, on = _look_out(gateway, cells.free, np.zeros(1))
+    first = np.argmin(on, axis=-1)[:, 0]
+    looks = np.arange(len(first))
+    stop = solid[
+        np.clip(y[looks, 0, first], 0, len(solid) - 1),
+        np.clip(x[looks, 0, first], 0, solid.shape[1] - 1),
+    ]
+    return float(np.mean((stop == 0) | on[:, 0].all(axis=-1)))
+
+
 def see_through(gateway: Gateway, free: Mask, turns_rad: Array | None = None) -> float:
     """Return how far free cells go on out of a gateway, in cells; off the grid, for ever.
 
@@ -105,9 +132,15 @@ def see_through(gateway: Gateway, free: Mask, turns_rad: Array | None = None) ->
     free : (H, W) mask of the free cells.
     turns_rad : (k,) directions to look in, from straight out; straight out alone by default.
     """
+    _, _, on = _look_out(gateway, free, np.zeros(1) if turns_rad is None else turns_rad)
+    return float(np.where(on.all(axis=-1), on.shape[-1], np.argmin(on, axis=-1)).max())
+
+
+def _look_out(gateway: Gateway, free: Mask, turns_rad: Array) -> tuple[Index, Index, Mask]:
+    """Return (starts, k, steps) columns, rows, and whether they are free, of looks out of it."""
     one, other = np.array(gateway.ends_px, float)
     starts = one + _STARTS[:, None] * (other - one)
-    look = gateway.outward_rad + (np.zeros(1) if turns_rad is None else turns_rad)
+    look = gateway.outward_rad + turns_rad
     ahead = np.column_stack([np.cos(look), np.sin(look)])
     steps = np.arange(0.0, float(max(free.shape)))
     points = starts[:, None, None] + steps[None, None, :, None] * ahead[None, :, None]
@@ -115,4 +148,4 @@ def see_through(gateway: Gateway, free: Mask, turns_rad: Array | None = None) ->
     height, width = free.shape
     off = (x < 0) | (y < 0) | (x >= width) | (y >= height)
     on = off | free[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)]
-    return float(np.where(on.all(axis=-1), len(steps), np.argmin(on, axis=-1)).max())
+    return x, y, on

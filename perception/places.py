@@ -11,7 +11,8 @@ enough readings speak of it, also those that look back at it, and most of those 
 the robot is farther off than its gateways. *Committed*: passages of which one is part of the other,
 or between which the robot merely turned round, are one visit; those beside each other are two, with
 a travel of no length between them. What is left without being confirmed is dropped, and so is a
-place of which walls have parted the robot.
+place of which walls have parted the robot. At the end of the drive the robot also reads what lies
+just ahead of it: a place before whose mouth it stands has been reached.
 
 A visit keeps its local map, and readings relative to the centre of the place: the place's own frame
 has its origin there and the axes of the drive.
@@ -38,6 +39,7 @@ from perception.sightings import (
     LOOKED_AROUND_RAD,
     PlaceSettings,
     Sighting,
+    look_ahead,
     read_sightings,
     read_topology,
 )
@@ -148,19 +150,19 @@ def detect_places(
     Beeson 2008, section 5.3.2; see the head of this module for what is ours.
     """
     settings = settings or PlaceSettings()
-    open_, done = list[_Candidate](), list[_Candidate]()
+    open_, done, local = list[_Candidate](), list[_Candidate](), None
     for sighting, scan, local in read_sightings(log, poses, settings, progress):
-        if sighting is not None:
-            _assign(sighting, open_, settings)
+        _take(sighting, poses[scan, :2], open_, settings)
         for candidate in list(open_):
             others = [c.centre_m for c in open_ if c is not candidate]
             candidate.review(scan, poses, local, settings, np.array(others).reshape(-1, 2))
             away = float(np.hypot(*(poses[scan, :2] - candidate.centre_m)))
-            if sighting is None and away < max(candidate.radius_m, 1.0):
-                candidate.denials += 1
             if away > candidate.radius_m + 2.0 + settings.same_place_m:
                 open_.remove(candidate)
                 done.append(candidate)
+    if local is not None:
+        for sighting, point in look_ahead(poses, local, settings):
+            _take(sighting, point, open_, settings)
     done += open_
     confirmed = (_passage(c, poses, settings) for c in done if c.is_confirmed(settings))
     passages = _drop_glimpses([p for p in confirmed if p is not None], poses)
@@ -170,8 +172,18 @@ def detect_places(
     return tuple(visit for visit in visits if visit is not None)
 
 
-def _assign(sighting: Sighting, open_: list[_Candidate], settings: PlaceSettings) -> None:
-    """Give the sighting to the nearest open candidate, or open a new one."""
+def _take(
+    sighting: Sighting | None, point: Array, open_: list[_Candidate], settings: PlaceSettings
+) -> None:
+    """Give the sighting to the nearest open candidate, or open a new one.
+
+    If there is none at the point (2,), the candidates there are denied.
+    """
+    if sighting is None:
+        for candidate in open_:
+            away = float(np.hypot(*(point - candidate.centre_m)))
+            candidate.denials += away < max(candidate.radius_m, 1.0)
+        return
     near = min(
         open_, key=lambda c: float(np.hypot(*(c.centre_m - sighting.centre_m))), default=None
     )
@@ -356,10 +368,9 @@ def _commit(
 def _is_walled_off(
     candidate: _Candidate, local: LocalMap, pose: Array, settings: PlaceSettings
 ) -> bool:
-    """Tell whether walls part a pose from a place.
+    """Tell whether walls part a pose from a place, most sightings where its centre is in a wall.
 
-    The centre of a large place may lie in a pillar, or at the corner of a wall; then most sightings
-    say it, of which all base points have to be parted from the pose.
+    Of a sighting all base points have to be parted from the pose.
     """
     width_m, centre = 2 * settings.robot_radius_m, candidate.centre_m
     if not find_walled_off(local, pose, centre, width_m)[0]:

@@ -13,7 +13,7 @@ import numpy as np
 from perception.errors import InputError
 from perception.evidence import weigh_gateways
 from perception.geometry import Array, wrap_angle
-from perception.grid import Frame, Image
+from perception.grid import OCCUPIED, Frame, Image
 from perception.level import Level, close_gateways
 from perception.lpm import LocalMap
 from perception.scanlog import ScanLog
@@ -28,6 +28,12 @@ START_M = 1.0
 
 LOOKED_AROUND_RAD = 5.5
 """A robot that has seen so much of its surroundings has looked around."""
+
+AHEAD_M = (0.5, 1.0, 1.5, 2.0)
+"""Where a drive ends, the local topology is read so far ahead of the robot too."""
+
+MOUTH_M = 1.0
+"""A robot so far outside the gateways of a place stands at its mouth."""
 
 _MOST_SHUT = 4
 """Behind a door that is shut another may turn up, but not without end."""
@@ -131,6 +137,42 @@ def read_sightings(
         if knows_behind(poses[: i + 1], float(np.ptp(log.angles_rad))):
             sighting = read_topology(i, poses, local, settings)
         yield sighting, i, local
+
+
+def look_ahead(
+    poses: Array, local: LocalMap, settings: PlaceSettings
+) -> Iterator[tuple[Sighting | None, Array]]:
+    """Read the local topology ahead of a robot whose drive has ended, at places it stands before.
+
+    A drive that ends at the mouth of a place leaves it seen but not entered, so that nothing was
+    read there.
+
+    Parameters
+    ----------
+    poses : (n, 3) of the laser. local : the LPM at the last of them.
+
+    Yields
+    ------
+    (sighting, point) : at each point (2,), drive frame, that no wall hides; the sighting is None as
+        for :func:`read_sightings`.
+
+    Source
+    ------
+    Ours.
+    """
+    end, heading = poses[-1, :2], float(poses[-1, 2])
+    occupied = local.image() == OCCUPIED
+    for ahead_m in AHEAD_M:
+        point = end + ahead_m * np.array([np.cos(heading), np.sin(heading)])
+        column, row = np.rint(local.frame.to_pixels(point)).astype(int)
+        if occupied[row - 1 : row + 2, column - 1 : column + 2].any():
+            return
+        sighting = read_topology(len(poses) - 1, poses, local, settings, at_m=point)
+        if sighting is not None:
+            away = float(np.hypot(*(sighting.centre_m - end)))
+            if away > sighting.radius_m + MOUTH_M:
+                continue
+        yield sighting, point
 
 
 def knows_behind(poses: Array, field_rad: float) -> bool:

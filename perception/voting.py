@@ -80,6 +80,7 @@ class _Group:
     reading: StarReading
     headings_rad: Array
     gateways_m: Array
+    ends_m: Array
     votes: float
     best_vote: float
 
@@ -101,16 +102,17 @@ def _vote(
             vote = weight * reading.weight
             headings = -np.asarray(reading.headings_px, float)
             gates = _dlp_gateways(reading, sighting) - sighting.centre_m
+            ends = _dlp_ends(reading, sighting) - sighting.centre_m
             for group in groups:
                 if _same_star(group, reading, headings):
                     break
             else:
-                group = _Group(reading, headings, gates, 0.0, 0.0)
+                group = _Group(reading, headings, gates, ends, 0.0, 0.0)
                 groups.append(group)
             group.votes += vote
             if vote > group.best_vote:
-                group.reading, group.headings_rad, group.gateways_m = reading, headings, gates
-                group.best_vote = vote
+                group.reading, group.headings_rad = reading, headings
+                group.gateways_m, group.ends_m, group.best_vote = gates, ends, vote
     total = sum(group.votes for group in groups)
     return [(g, g.votes / total) for g in groups if not is_path(g.reading.star)]
 
@@ -121,6 +123,16 @@ def _dlp_gateways(reading: StarReading, sighting: Sighting) -> Array:
     for k, gateway in enumerate(reading.gateway_out):
         if gateway is not None:
             out[k] = sighting.gateways_m[gateway]
+    return out
+
+
+def _dlp_ends(reading: StarReading, sighting: Sighting) -> Array:
+    """Return the (m, 2, 2) ends of the gateway of each dlp, drive frame; NaN where alpha is 0."""
+    out = np.full((len(reading.star), 2, 2), np.nan)
+    for k, gateway in enumerate(reading.gateway_out):
+        if gateway is not None:
+            ends_px = np.array(sighting.topology.gateways[gateway].ends_px, float)
+            out[k] = sighting.frame.to_metres(ends_px)
     return out
 
 
@@ -141,12 +153,16 @@ def _oriented(
     """Find the dlps the robot came and went by; None if the star has no gateway there."""
     star = group.reading.star
     outward = np.arctan2(group.gateways_m[:, 1], group.gateways_m[:, 0])
+    at_ends = np.arctan2(group.ends_m[..., 1], group.ends_m[..., 0])
+    spread = np.abs(wrap_angle(at_ends - outward[:, None])).min(axis=1)
     penalty = 1.0
 
     def gateway_at(bearing: float) -> int | None:
         nonlocal penalty
         off = np.abs(wrap_angle(outward - bearing))
         off = np.where(np.isnan(off), np.inf, off)
+        if off.min() > _OFF_GATEWAY_RAD[1]:  # a wide gateway, passed near one of its ends?
+            off = np.maximum(off - np.nan_to_num(spread), 0.0)
         k = int(np.argmin(off))
         if off[k] > _OFF_GATEWAY_RAD[1]:
             return None

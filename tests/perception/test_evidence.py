@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.evidence import see_beyond, see_through, weigh_gateways
+from perception.evidence import see_beyond, see_through, share_hidden, weigh_gateways
 from perception.grid import UNKNOWN, classify
 from perception.sightings import is_path
 from perception.star import Star
@@ -64,6 +64,24 @@ def test_what_is_seen_no_further_than_an_alcove_is_in_doubt():
     assert alcove.outward_rad == pytest.approx(np.pi / 2, abs=0.3)
     weighed = southern(weigh_gateways(topology, image, NOWHERE, **LIMITS))
     assert weighed.confidence < 0.3 < alcove.confidence
+
+
+def test_what_hides_its_end_may_go_on_sooner_than_what_is_seen_to_end():
+    hidden, closed, half = draw_tee(0), draw_tee(0), draw_tee(0)
+    for image in (hidden, closed, half):
+        image[86:98, 63:89] = 255
+    closed[98:100, 62:90] = half[98:100, 62:76] = 0
+    topology = read(hidden)
+    gateway = southern(topology)
+    shares = [share_hidden(gateway, classify(image)) for image in (hidden, closed, half)]
+    assert shares[0] == 1.0
+    assert shares[1] == 0.0
+    assert 0.3 < shares[2] < 0.7
+    sure = [
+        southern(weigh_gateways(topology, image, NOWHERE, **LIMITS)).confidence
+        for image in (hidden, half, closed)
+    ]
+    assert sure[0] > 2 * sure[1] > 2 * sure[2]
 
 
 def test_a_way_that_goes_on_aslant_is_seen_but_an_alcove_is_no_deeper_for_that():

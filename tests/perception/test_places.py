@@ -1,17 +1,21 @@
 import itertools
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from perception.continuity import StarReading
 from perception.driver import drive
 from perception.expectation import ExpectationSettings, expect_readings
 from perception.geometry import between
+from perception.grid import Frame
 from perception.places import PlaceReading, PlaceSettings, PlaceVisit, detect_places
 from perception.scanlog import ScanLog
-from perception.sightings import knows_behind
+from perception.sightings import Sighting, knows_behind
 from perception.simulate import Lidar, cast_rays
 from perception.star import Star
+from perception.voting import vote_star
 from perception.world import load_world
 
 TOUR = ("first corner", "second crossing", "third junction", "third junction west")
@@ -112,6 +116,34 @@ def test_an_empty_drive_has_no_places():
     nothing = ScanLog("dark", np.arange(20.0), np.full((20, 181), np.nan, np.float32), angles)
     poses = np.column_stack([np.arange(20.0), np.zeros((20, 2))])
     assert detect_places(nothing, poses) == ()
+
+
+@pytest.mark.parametrize(("short_m", "there"), [(1.8, True), (5.0, False)])
+def test_a_drive_that_ends_at_the_mouth_of_a_place_has_been_there(world, short_m, there):
+    corner, other = (np.array(world.position(n)) for n in ("first corner", "second crossing"))
+    ahead = (corner - other) / np.hypot(*(corner - other))
+    log = walk(world, [corner - 9.0 * ahead, corner - short_m * ahead])
+    ended = [v for v in detect_places(log, log.truth) if v.last_scan == len(log) - 1]
+    assert any(np.hypot(*(v.centre_m - corner)) < 0.6 for v in ended) is there
+
+
+@pytest.mark.parametrize(("half_m", "found"), [(2.0, 1), (0.2, 0)])
+def test_a_wide_gateway_passed_near_its_end_is_a_way_too(half_m, found):
+    ends = np.array(
+        [
+            [[2.0, -1.0 - half_m], [2.0, -1.0 + half_m]],
+            [[-2.0, -0.2], [-2.0, 0.2]],
+            [[-1, 2], [1, 2]],
+        ]
+    )
+    pixels = Frame(0.0, 0.0, 1.0)
+    gateways = [SimpleNamespace(ends_px=pixels.to_pixels(two)) for two in ends]
+    star = Star.parse(["a+1", "a-1", "b+1", "b-0"])
+    reading = StarReading(star, (0, 1, 2, None), (0.0, np.pi, -1.6, 1.6), 1.0)
+    topology = SimpleNamespace(gateways=gateways, readings=[reading])
+    sighting = Sighting(0, np.zeros(3), np.zeros(2), 2.0, ends.mean(1), 1.0, topology, pixels)
+    readings = vote_star([sighting], [], np.zeros(2), np.pi, -1.6, PlaceSettings())
+    assert [r.depart for r in readings] == [0] * found
 
 
 def test_a_robot_learns_what_lies_behind_it_by_moving_or_turning():
