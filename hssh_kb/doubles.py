@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from itertools import pairwise, product
 
+import networkx as nx
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -38,23 +40,41 @@ def merge_doubles(tree: MapTree, lead: Node, is_over: Callable[[], bool]) -> Ite
     tree, lead : the map to begin with.
     is_over : tells when to stop (the budget is spent).
     """
-    tried = set[tuple[int, int]]()
+    tried = set[tuple[tuple[int, int], ...]]()
     node: Node | None = lead
     while node is not None:
         better = None
         labels = [one.decision.place for one in node.chain()[1:]]
-        for pair in [] if is_over() else find_doubles(tree, node):
-            visits = labels.index(pair[0]), labels.index(pair[1])
+        for group in [] if is_over() else _group(find_doubles(tree, node), labels):
+            visits = tuple((labels.index(one), labels.index(other)) for one, other in group)
             if visits in tried or is_over():
                 continue
             tried.add(visits)
-            change = Change(("merge", *pair), merge_labels(labels, [pair]))
+            change = Change(("merge", *group), merge_labels(labels, group))
             made = thread_visits(tree, node, change, loose=True, worse_nats=_WORSE_NATS)
             if made is not None and made.score > node.score:
                 better = made
                 yield made
                 break
         node = better
+
+
+def _group(pairs: list[tuple[int, int]], labels: list[int]) -> Iterator[list[tuple[int, int]]]:
+    """Yield pairs that stand or fall together, then each alone.
+
+    A corridor that is held twice has two ends: both of them are held twice, or neither is.
+    """
+    graph = nx.Graph()
+    graph.add_nodes_from(pairs)
+    pairs_of = dict[int, list[tuple[int, int]]]()
+    for pair in pairs:
+        for place in pair:
+            pairs_of.setdefault(place, []).append(pair)
+    for one, other in pairwise(labels):
+        graph.add_edges_from(product(pairs_of.get(one, ()), pairs_of.get(other, ())))
+    groups = [sorted(group, key=pairs.index) for group in nx.connected_components(graph)]
+    yield from (group for group in sorted(groups) if len(group) > 1)
+    yield from ([pair] for pair in pairs)
 
 
 def find_doubles(tree: MapTree, node: Node) -> list[tuple[int, int]]:

@@ -43,6 +43,7 @@ _LOOK_BACK_NATS = 10.0  # maps that much worse are grown where the favourite wen
 _MOST_EXTRA_NATS = 30.0  # ... each time that is looked into, up to that
 _LOOK_BACK_WORK = 600_000  # units of work after which a search looks back no more
 _STRETCH = 250  # visits after which a long walk is looked back at, before the search goes on
+_MERGE_WORK = 50_000  # units of work that merging may then cost
 _DETOURS = 4  # maps grown for each visit at most to get to the end when the budget is spent
 
 
@@ -118,7 +119,7 @@ class TreeOfMaps(GrowingTree):
                 if self.score.slip == 0:
                     end = start + _LOOK_BACK_WORK * goal / (len(self._visits) - 1)
                     self._look_back(stage, goal, self._end_by(end, is_enough))
-                    self._merge_doubles(goal, is_enough)
+                    self._merge_doubles(goal)
             found = self.lead
             if found is not None and (found is lead or is_enough()):
                 return
@@ -151,11 +152,15 @@ class TreeOfMaps(GrowingTree):
     def _end_by(self, work: float, is_over: Callable[[], bool]) -> Callable[[], bool]:
         return lambda: self.tree.work >= work or is_over()
 
-    def _merge_doubles(self, goal: int, is_over: Callable[[], bool]) -> None:
-        """Merge places that the best map holds twice; the maps made wait as leaves."""
+    def _merge_doubles(self, goal: int) -> None:
+        """Merge places that the best map holds twice; the maps made wait as leaves.
+
+        That costs little for each visit, and is done even if the budget is spent.
+        """
         lead = self._find_lead(goal)
         if lead is not None and goal >= self._merged_to + _STRETCH // 2:
             self._merged_to = goal
+            is_over = self._end_by(self.tree.work + _MERGE_WORK, lambda: False)
             for better in merge_doubles(self.tree, lead, is_over):
                 self._fronts.wait(better)
 
