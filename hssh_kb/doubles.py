@@ -32,27 +32,36 @@ _BLUR = 0.02  # of a typical travel: so far apart they may be one, however well 
 _SIGMAS = 5.0  # so many deviations apart they may be one
 
 
-def merge_doubles(tree: MapTree, lead: Node, is_over: Callable[[], bool]) -> Iterator[Node]:
+Visits = tuple[tuple[int, int], ...]
+"""Pairs of places, each told by its first visit."""
+
+
+def merge_doubles(
+    tree: MapTree, lead: Node, is_over: Callable[[], bool], refused: set[Visits]
+) -> Iterator[Node]:
     """Yield maps that hold fewer places twice, each better than the one before.
 
     Parameters
     ----------
     tree, lead : the map to begin with.
     is_over : tells when to stop (the budget is spent).
+    refused : mergers that the axioms refuse, not to be tried again; added to.
     """
-    tried = set[tuple[tuple[int, int], ...]]()
+    tried = set[Visits]()
     node: Node | None = lead
     while node is not None:
         better = None
         labels = [one.decision.place for one in node.chain()[1:]]
         for group in [] if is_over() else _group(find_doubles(tree, node), labels):
             visits = tuple((labels.index(one), labels.index(other)) for one, other in group)
-            if visits in tried or is_over():
+            if visits in tried or visits in refused or is_over():
                 continue
             tried.add(visits)
             change = Change(("merge", *group), merge_labels(labels, group))
             made = thread_visits(tree, node, change, loose=True, worse_nats=_WORSE_NATS)
-            if made is not None and made.score > node.score:
+            if made is node:
+                refused.add(visits)
+            elif made is not None and made.score > node.score:
                 better = made
                 yield made
                 break

@@ -19,7 +19,7 @@ import bisect
 import math
 from collections.abc import Callable
 
-from hssh_kb.doubles import merge_doubles
+from hssh_kb.doubles import Visits, merge_doubles
 from hssh_kb.experience import Visit
 from hssh_kb.growing_tree import GrowingTree
 from hssh_kb.hindsight import LOOKED_AT, find_strange_stretch
@@ -43,7 +43,7 @@ _LOOK_BACK_NATS = 10.0  # maps that much worse are grown where the favourite wen
 _MOST_EXTRA_NATS = 30.0  # ... each time that is looked into, up to that
 _LOOK_BACK_WORK = 600_000  # units of work after which a search looks back no more
 _STRETCH = 250  # visits after which a long walk is looked back at, before the search goes on
-_MERGE_WORK = 50_000  # units of work that merging may then cost
+_MERGE_WORK = 100_000  # units of work that merging may then cost
 _DETOURS = 4  # maps grown for each visit at most to get to the end when the budget is spent
 
 
@@ -68,6 +68,7 @@ class TreeOfMaps(GrowingTree):
         self._looked: dict[int, int] = {}
         self._look_from = 0
         self._merged_to = -_STRETCH
+        self._refused: set[Visits] = set()
         self._variance = 0.0
 
     def _add(self, visit: Visit) -> None:
@@ -161,7 +162,7 @@ class TreeOfMaps(GrowingTree):
         if lead is not None and goal >= self._merged_to + _STRETCH // 2:
             self._merged_to = goal
             is_over = self._end_by(self.tree.work + _MERGE_WORK, lambda: False)
-            for better in merge_doubles(self.tree, lead, is_over):
+            for better in merge_doubles(self.tree, lead, is_over, self._refused):
                 self._fronts.wait(better)
 
     def _sweep(self, stage: int, last: int, is_over: Callable[[], bool]) -> None:
