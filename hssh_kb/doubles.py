@@ -29,6 +29,7 @@ _WORSE_NATS = 12.0  # a merger that makes a map so much worse on the way is give
 _MOST_PAIRS = 64  # looked at closely
 _REACH = 0.5  # typical travels between two places that may be one, at most
 _BLUR = 0.02  # of a typical travel: so far apart they may be one, however well they are known
+_LATER = 1.125  # times as long a walk: then what was tried in vain is tried again
 _SIGMAS = 5.0  # so many deviations apart they may be one
 
 
@@ -37,7 +38,7 @@ Visits = tuple[tuple[int, int], ...]
 
 
 def merge_doubles(
-    tree: MapTree, lead: Node, is_over: Callable[[], bool], refused: set[Visits]
+    tree: MapTree, lead: Node, is_over: Callable[[], bool], put_off: dict[Visits, float]
 ) -> Iterator[Node]:
     """Yield maps that hold fewer places twice, each better than the one before.
 
@@ -45,23 +46,21 @@ def merge_doubles(
     ----------
     tree, lead : the map to begin with.
     is_over : tells when to stop (the budget is spent).
-    refused : mergers that the axioms refuse, not to be tried again; added to.
+    put_off : mergers tried in vain, and the visit from which they may be tried again: never if
+        the axioms refuse them, else when the walk has grown by an eighth; added to.
     """
-    tried = set[Visits]()
     node: Node | None = lead
     while node is not None:
         better = None
         labels = [one.decision.place for one in node.chain()[1:]]
         for group in [] if is_over() else _group(find_doubles(tree, node), labels):
             visits = tuple((labels.index(one), labels.index(other)) for one, other in group)
-            if visits in tried or visits in refused or is_over():
+            if node.visit < put_off.get(visits, 0) or is_over():
                 continue
-            tried.add(visits)
             change = Change(("merge", *group), merge_labels(labels, group))
             made = thread_visits(tree, node, change, loose=True, worse_nats=_WORSE_NATS)
-            if made is node:
-                refused.add(visits)
-            elif made is not None and made.score > node.score:
+            put_off[visits] = math.inf if made is node else _LATER * (node.visit + 1)
+            if made is not None and made.score > node.score:
                 better = made
                 yield made
                 break

@@ -68,7 +68,7 @@ class TreeOfMaps(GrowingTree):
         self._looked: dict[int, int] = {}
         self._look_from = 0
         self._merged_to = -_STRETCH
-        self._refused: set[Visits] = set()
+        self._put_off: dict[Visits, float] = {}
         self._variance = 0.0
 
     def _add(self, visit: Visit) -> None:
@@ -162,7 +162,7 @@ class TreeOfMaps(GrowingTree):
         if lead is not None and goal >= self._merged_to + _STRETCH // 2:
             self._merged_to = goal
             is_over = self._end_by(self.tree.work + _MERGE_WORK, lambda: False)
-            for better in merge_doubles(self.tree, lead, is_over, self._refused):
+            for better in merge_doubles(self.tree, lead, is_over, self._put_off):
                 self._fronts.wait(better)
 
     def _sweep(self, stage: int, last: int, is_over: Callable[[], bool]) -> None:

@@ -53,17 +53,17 @@ def test_a_place_held_twice_is_merged_in_a_town_larger_than_the_window() -> None
         count += 1
         found = _list_places(split)
         assert (found[labels.index(labels[v])], found[v]) in find_doubles(tree, split)
-        mended = [_list_places(one) for one in merge_doubles(tree, split, lambda: False, set())]
+        mended = [_list_places(one) for one in merge_doubles(tree, split, lambda: False, {})]
         assert mended == [labels]
     assert count > 2
 
 
 def test_the_true_map_stays_as_it_is() -> None:
     tree, true = _grow_truth(7)
-    assert list(merge_doubles(tree, true, lambda: False, set())) == []
+    assert list(merge_doubles(tree, true, lambda: False, {})) == []
 
 
 def test_nothing_is_tried_once_the_budget_is_spent() -> None:
     tree, true = _grow_truth(2)
     _, split = next(_split_visits(tree, true))
-    assert list(merge_doubles(tree, split, lambda: True, set())) == []
+    assert list(merge_doubles(tree, split, lambda: True, {})) == []
