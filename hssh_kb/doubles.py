@@ -10,8 +10,8 @@ Source: ours.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from itertools import pairwise, product
+from collections.abc import Callable, Collection, Iterator
+from itertools import islice, pairwise, product
 
 import networkx as nx
 import numpy as np
@@ -26,14 +26,15 @@ from hssh_kb.walk_layout import lay_out
 
 _WORTH_NATS = -3.0  # pairs that promise less are not tried
 _WORSE_NATS = 12.0  # a merger that makes a map so much worse on the way is given up
-_MOST_PAIRS = 64  # looked at closely
+_MOST_PAIRS = 64  # are looked at closely
 _REACH = 0.5  # typical travels between two places that may be one, at most
 _BLUR = 0.02  # of a typical travel: so far apart they may be one, however well they are known
 _LATER = 1.125  # times as long a walk: then what was tried in vain is tried again
 _SIGMAS = 5.0  # so many deviations apart they may be one
 
 
-Visits = tuple[tuple[int, int], ...]
+Pair = tuple[int, int]
+Visits = tuple[Pair, ...]
 """Pairs of places, each told by its first visit."""
 
 
@@ -67,14 +68,14 @@ def merge_doubles(
         node = better
 
 
-def _group(pairs: list[tuple[int, int]], labels: list[int]) -> Iterator[list[tuple[int, int]]]:
+def _group(pairs: list[Pair], labels: list[int]) -> Iterator[list[Pair]]:
     """Yield pairs that stand or fall together, then each alone.
 
     A corridor that is held twice has two ends: both of them are held twice, or neither is.
     """
     graph = nx.Graph()
     graph.add_nodes_from(pairs)
-    pairs_of = dict[int, list[tuple[int, int]]]()
+    pairs_of = dict[int, list[Pair]]()
     for pair in pairs:
         for place in pair:
             pairs_of.setdefault(place, []).append(pair)
@@ -85,7 +86,7 @@ def _group(pairs: list[tuple[int, int]], labels: list[int]) -> Iterator[list[tup
     yield from ([pair] for pair in pairs)
 
 
-def find_doubles(tree: MapTree, node: Node) -> list[tuple[int, int]]:
+def find_doubles(tree: MapTree, node: Node) -> list[Pair]:
     """Return the pairs of places that may well be one, the likeliest first.
 
     Parameters
@@ -98,10 +99,13 @@ def find_doubles(tree: MapTree, node: Node) -> list[tuple[int, int]]:
     """
     state, length = tree.state_of(node), tree.score.length_m
     graph = state.filter.remember_walk(length)
-    turns = {pair: _match(tree, state, pair) for pair in _find_near(state, graph, tree.score)}
-    pairs = [pair for pair, found in turns.items() if found]
-    if not pairs:
+    near = _find_near(state, graph, tree.score)
+    likely = (pair for pair, share in near.items() if share < 1)
+    ways = ((pair, _match(tree, state, pair, near)) for pair in likely)
+    turns = dict(islice((one for one in ways if one[1]), _MOST_PAIRS))
+    if not turns:
         return []
+    pairs = list(turns)
     places = np.unique(np.array(pairs, np.intp))
     window = lay_out(graph, places, length, sampled=False)
     tree.work += len(window.graph.poses)
@@ -118,8 +122,14 @@ def find_doubles(tree: MapTree, node: Node) -> list[tuple[int, int]]:
     return sorted(worth, key=lambda pair: (-worth[pair], pair))
 
 
-def _find_near(state: LeafState, graph: WalkGraph, score: Score) -> list[tuple[int, int]]:
-    """Return the pairs of places that lie on each other, as far as samples of their errors tell."""
+def _find_near(state: LeafState, graph: WalkGraph, score: Score) -> dict[Pair, float]:
+    """Return how near each other the pairs of places lie that are not far apart.
+
+    Returns
+    -------
+    near : by pair, the nearest first, how far apart they lie as a share of what samples of
+        their errors allow: below one, they may lie on each other.
+    """
     spots = graph.poses[graph.first, :2]
     errors = state.filter.town.errors[:, :2]
     known = len(errors) if errors.shape[2] else 0
@@ -131,15 +141,18 @@ def _find_near(state: LeafState, graph: WalkGraph, score: Score) -> list[tuple[i
             spread = float(np.mean(np.sum((errors[i] - errors[j]) ** 2, axis=0)))
             reach = _SIGMAS * math.sqrt(spread + 2 * score.spread_m**2) + _BLUR * score.length_m
         share = math.dist(spots[i], spots[j]) / reach
-        if share < 1:
-            found.append((share, (min(i, j), max(i, j))))
-    return [pair for _, pair in sorted(found)[:_MOST_PAIRS]]
+        found.append((share, (min(i, j), max(i, j))))
+    return {pair: share for share, pair in sorted(found)}
 
 
 def _match(
-    tree: MapTree, state: LeafState, pair: tuple[int, int]
+    tree: MapTree, state: LeafState, pair: Pair, near: Collection[Pair]
 ) -> list[tuple[float, float, float]]:
-    """Return turn [rad], its variance and the misfit of the stars of two places, every way."""
+    """Return turn [rad], its variance and the misfit of the stars of two places, every way.
+
+    Ways under which one gateway would lead to two places that do not lie on each other are
+    left out: the axioms would refuse the merger, after long work.
+    """
     (one, other), read = pair, state.place_readings
     first, later = state.firsts[one], state.firsts[other]
     known = tree.visits[first].readings[read[one]]
@@ -147,7 +160,23 @@ def _match(
     return [
         tree.score.match_headings(known.headings, seen.headings, offset, seen.star.alpha)
         for offset in tree.isomorphisms(later, read[other], first, read[one])
+        if _can_be_one(state, pair, offset, len(seen.star), near)
     ]
+
+
+def _can_be_one(
+    state: LeafState, pair: Pair, offset: int, size: int, near: Collection[Pair]
+) -> bool:
+    """Return whether the gateways of two places lead to the same places, or to such as may be."""
+    for dlp in range(size):
+        ways = [
+            state.judge.follow(pair[0], (dlp + offset) % size),
+            state.judge.follow(pair[1], dlp),
+        ]
+        known = sorted(way[0] for way in ways if way is not None)
+        if len(known) == 2 and known[0] != known[1] and (known[0], known[1]) not in near:
+            return False
+    return True
 
 
 def _weigh(

@@ -43,7 +43,8 @@ _LOOK_BACK_NATS = 10.0  # maps that much worse are grown where the favourite wen
 _MOST_EXTRA_NATS = 30.0  # ... each time that is looked into, up to that
 _LOOK_BACK_WORK = 600_000  # units of work after which a search looks back no more
 _STRETCH = 250  # visits after which a long walk is looked back at, before the search goes on
-_MERGE_WORK = 100_000  # units of work that merging may then cost
+_MERGE_WORK_PER_VISIT = 200  # units of work that merging may cost, saved up ...
+_MERGE_WORK = 100_000  # ... to so much at most
 _DETOURS = 4  # maps grown for each visit at most to get to the end when the budget is spent
 
 
@@ -68,6 +69,7 @@ class TreeOfMaps(GrowingTree):
         self._looked: dict[int, int] = {}
         self._look_from = 0
         self._merged_to = -_STRETCH
+        self._merge_credit = 0.0
         self._put_off: dict[Visits, float] = {}
         self._variance = 0.0
 
@@ -156,14 +158,19 @@ class TreeOfMaps(GrowingTree):
     def _merge_doubles(self, goal: int) -> None:
         """Merge places that the best map holds twice; the maps made wait as leaves.
 
-        That costs little for each visit, and is done even if the budget is spent.
+        What that costs is saved up visit by visit; the budget of a search has no say. The last
+        merger tried may cost more than is left: then the next ones come later.
         """
         lead = self._find_lead(goal)
-        if lead is not None and goal >= self._merged_to + _STRETCH // 2:
-            self._merged_to = goal
-            is_over = self._end_by(self.tree.work + _MERGE_WORK, lambda: False)
+        if lead is None or goal < self._merged_to + _STRETCH // 2:
+            return
+        saved = self._merge_credit + _MERGE_WORK_PER_VISIT * (goal - self._merged_to)
+        self._merged_to, start = goal, self.tree.work
+        is_over = self._end_by(start + min(saved, _MERGE_WORK), lambda: False)
+        if not is_over():
             for better in merge_doubles(self.tree, lead, is_over, self._put_off):
                 self._fronts.wait(better)
+        self._merge_credit = min(saved, _MERGE_WORK) - (self.tree.work - start)
 
     def _sweep(self, stage: int, last: int, is_over: Callable[[], bool]) -> None:
         """Let the front of each depth grow, from the first that may have changed to the last."""
