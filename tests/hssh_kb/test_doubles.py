@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import networkx as nx
 import numpy as np
-from street_worlds import make_town
-from symbolic_walks import Eyes, observe, walk_randomly
+from street_worlds import make_town, make_world
+from symbolic_walks import Eyes, follow_route, observe, walk_randomly
 
 from hssh_kb.doubles import find_doubles, merge_doubles
 from hssh_kb.map_tree import MapTree, grow_hypothesis
@@ -61,6 +62,21 @@ def test_a_place_held_twice_is_merged_in_a_town_larger_than_the_window() -> None
 def test_the_true_map_stays_as_it_is() -> None:
     tree, true = _grow_truth(7)
     assert list(merge_doubles(tree, true, lambda: False, {})) == []
+
+
+def test_corners_beside_each_other_that_lead_to_places_far_apart_are_no_doubles() -> None:
+    spots = [(0, 0), (-10, 0), (-10, 5), (-20, 5), (-20, -0.8), (0.3, -0.3)]
+    spots += [(0.5, 20), (-5, 20), (-5, 10), (0, 10)]
+    graph = nx.cycle_graph(len(spots))
+    nx.set_node_attributes(graph, dict(enumerate(spots)), "spot")
+    world = make_world(graph, merge_m=0.0, corners=True, look_m=0.0)
+    order = sorted(range(len(spots)), key=lambda k: spots.index(world.positions[k]))
+    rng = np.random.default_rng(1)
+    truth = observe(world, follow_route(world, [*order, order[0]]), Eyes(sigma=0.03), rng)
+    score = estimate_score(truth.experience)
+    tree, true = grow_hypothesis(truth.experience, truth.hypothesis(), score)
+    assert true.places == len(spots)
+    assert find_doubles(tree, true) == []
 
 
 def test_nothing_is_tried_once_the_budget_is_spent() -> None:
