@@ -49,6 +49,27 @@ class Field:
 
 
 @dataclass(frozen=True, eq=False)
+class Edges:
+    """Edges between neighbouring cells, each (n,).
+
+    Attributes
+    ----------
+    x, y : first cell.
+    is_down : whether the second cell lies below the first, or else to its right.
+    wall_a, wall_b : index into ``Region.walls`` of the wall cell nearest to the first, the second.
+    open_a, open_b : whether the first, the second is in an open space, farther than M from walls.
+    """
+
+    x: Index
+    y: Index
+    is_down: NDArray[np.bool_]
+    wall_a: Index
+    wall_b: Index
+    open_a: NDArray[np.bool_]
+    open_b: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
 class Cracks:
     """Edges between two cells of different faces: corners they join, and what lies beside them.
 
@@ -156,37 +177,56 @@ def find_cracks(region: Region, field: Field, kernels: Kernels | None = None) ->
     is_down[len(right) :] = True
     second = first + np.where(is_down, width, 1)
     y, x = np.divmod(first, width)
-    x, y = x + field.left, y + field.top
-    step_x, step_y = ~is_down + 0, is_down + 0
-    face = field.face.ravel()
-    open_a, open_b = face[first] >= field.first_open, face[second] >= field.first_open
-    label = field.label.ravel()
-    wall_a = field.wall_of_label[label[first]].astype(np.int64)
-    wall_b = field.wall_of_label[label[second]].astype(np.int64)
+    face, label = field.face.ravel(), field.label.ravel()
+    edges = Edges(
+        x + field.left,
+        y + field.top,
+        is_down,
+        field.wall_of_label[label[first]].astype(np.int64),
+        field.wall_of_label[label[second]].astype(np.int64),
+        face[first] >= field.first_open,
+        face[second] >= field.first_open,
+    )
+    open_share: float | Array = 0.5
+    if edges.open_a.any() or edges.open_b.any():
+        distance = field.distance.ravel()
+        far_a, far_b = distance[first].astype(float), distance[second].astype(float)
+        open_share = (field.level - far_a) / np.where(far_b == far_a, 1.0, far_b - far_a)
+    return place_cracks(region, edges, open_share, region.radius_px + 0.5)
+
+
+def place_cracks(
+    region: Region, edges: Edges, open_share: float | Array, margin_px: float
+) -> Cracks:
+    """Find where along each edge's crossing the skeleton runs, and what lies on its sides.
+
+    Parameters
+    ----------
+    open_share : where it runs between an open space and what is beside it, () or (n,), as a share
+        of the way from the first cell to the second; two walls are equally far from it.
+    margin_px : how far from the true walls the cells called walls reach.
+    """
+    x, y, is_down, open_a, open_b = edges.x, edges.y, edges.is_down, edges.open_a, edges.open_b
     wall_x, wall_y = region.walls.T
-    ax, ay, bx, by = x - wall_x[wall_a], y - wall_y[wall_a], x - wall_x[wall_b], y - wall_y[wall_b]
+    ax, ay = x - wall_x[edges.wall_a], y - wall_y[edges.wall_a]
+    bx, by = x - wall_x[edges.wall_b], y - wall_y[edges.wall_b]
     slope = 2 * np.where(is_down, ay - by, ax - bx)
     gap = bx * bx + by * by - ax * ax - ay * ay
     share = np.where(slope == 0, 0.5, gap / np.where(slope == 0, 1, slope))
-    if open_a.any() or open_b.any():
-        distance = field.distance.ravel()
-        far_a, far_b = distance[first].astype(float), distance[second].astype(float)
-        span = np.where(far_b == far_a, 1.0, far_b - far_a)
-        share = np.where(open_a | open_b, (field.level - far_a) / span, share)
+    share = np.where(open_a | open_b, open_share, share)
     share = np.minimum(np.maximum(share, 0.0), 1.0)
+    step_x, step_y = ~is_down + 0, is_down + 0
     px, py = x + share * step_x, y + share * step_y
-    wall = np.where(open_a, wall_b, wall_a)
+    wall = np.where(open_a, edges.wall_b, edges.wall_a)
     dx, dy = px - wall_x[wall], py - wall_y[wall]
-    radius = np.sqrt(dx * dx + dy * dy) + (region.radius_px + 0.5)
-    side_a, side_b = np.where(open_a, OPEN, wall_a), np.where(open_b, OPEN, wall_b)
+    side_a, side_b = np.where(open_a, OPEN, edges.wall_a), np.where(open_b, OPEN, edges.wall_b)
     columns = region.inside.shape[1] + 1
     corner = (y + step_y) * columns + x + step_x
-    corners = np.stack([corner, corner + np.where(is_down, 1, columns)], 1)
     # looking down along an edge between left and right neighbours, the second lies on the left
     return Cracks(
-        corners,
+        np.stack([corner, corner + np.where(is_down, 1, columns)], 1),
         np.stack([px, py], 1),
-        radius,
+        np.sqrt(dx * dx + dy * dy) + margin_px,
         np.where(is_down, side_a, side_b),
         np.where(is_down, side_b, side_a),
     )

@@ -11,11 +11,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.cracks import OPEN, Cracks, find_nearest_walls
+from perception.cracks import Cracks, Edges, find_nearest_walls, place_cracks
 from perception.floor_pruning import prune_floor
 from perception.floor_space import FloorSpace, measure_wall
-from perception.geometry import Array
-from perception.region import Index
 from perception.skeleton import Skeleton, trace_branches
 from perception.skeleton_graph import SkeletonGraph
 
@@ -58,36 +56,22 @@ def _find_cracks(space: FloorSpace, midline_px: float, robot_radius_m: float) ->
     wide = (distance >= robot_radius_m / resolution - 0.5) & region.inside
     height, width = side.shape
     least = LEAST_WALL_M / resolution
-    parts = []
+    cells, ways = [], []
     for down in (0, 1):
         a = (slice(0, height - down), slice(0, width - 1 + down))
         b = (slice(down, None), slice(1 - down, None))
         apart = cv2.absdiff(side[a], side[b]) > least
         apart &= wide[a]
         apart &= wide[b]
-        y, x = np.nonzero(apart)
-        cell_a, cell_b = np.stack([x, y], 1), np.stack([x + 1 - down, y + down], 1)
-        corner = np.stack([x + 1 - down, y + down], 1)
-        other = corner + np.array([down, 1 - down])
-        corners = np.stack([c[:, 1] * (width + 1) + c[:, 0] for c in (corner, other)], 1)
-        parts.append((corners, cell_a, cell_b, not down))
-    corners, cell_a, cell_b = (np.concatenate([part[k] for part in parts]) for k in range(3))
-    second_left = np.concatenate([np.full(len(part[0]), part[3]) for part in parts])
-    wall_a = nearest[cell_a[:, 1], cell_a[:, 0]].astype(np.int64)
-    wall_b = nearest[cell_b[:, 1], cell_b[:, 0]].astype(np.int64)
-    open_a = side[cell_a[:, 1], cell_a[:, 0]] <= _FREE_OF_WALLS
-    open_b = side[cell_b[:, 1], cell_b[:, 0]] <= _FREE_OF_WALLS
-    keep = open_a | open_b | (measure_wall(space, wall_a, wall_b) > least)
-    corners, cell_a, cell_b = corners[keep], cell_a[keep], cell_b[keep]
-    wall_a, wall_b, open_a, open_b = wall_a[keep], wall_b[keep], open_a[keep], open_b[keep]
-    share = _share(region.walls, cell_a, cell_b, wall_a, wall_b)
-    points = cell_a + np.where(open_a | open_b, 0.5, share)[:, None] * (cell_b - cell_a)
-    wall = np.where(open_a, wall_b, wall_a)
-    radius = np.hypot(*(points - region.walls[wall]).T) + 0.5
-    side_a, side_b = np.where(open_a, OPEN, wall_a), np.where(open_b, OPEN, wall_b)
-    second_left = second_left[keep]
-    left, right = np.where(second_left, side_b, side_a), np.where(second_left, side_a, side_b)
-    return Cracks(corners, points, radius, left, right)
+        cells.append(np.stack(np.nonzero(apart)))
+        ways.append(np.full(cells[-1].shape[1], bool(down)))
+    (y, x), is_down = np.concatenate(cells, axis=1), np.concatenate(ways)
+    first, second = (y, x), (y + is_down, x + ~is_down)
+    walls = [nearest[cell].astype(np.int64) for cell in (first, second)]
+    open_ = [side[cell] <= _FREE_OF_WALLS for cell in (first, second)]
+    keep = open_[0] | open_[1] | (measure_wall(space, *walls) > least)
+    edges = Edges(*(part[keep] for part in (x, y, is_down, *walls, *open_)))
+    return place_cracks(region, edges, 0.5, 0.5)
 
 
 def _find_sides(
@@ -109,14 +93,3 @@ def _find_sides(
         open_ &= ~small[parts]
         side[open_] = _FREE_OF_WALLS * parts[open_]
     return side, nearest, distance
-
-
-def _share(walls: Index, cell_a: Index, cell_b: Index, wall_a: Index, wall_b: Index) -> Array:
-    """Return where between two cells both walls are equally far, as a share of the way."""
-    step = (cell_b - cell_a).astype(float)
-    to_a = (cell_a - walls[wall_a]).astype(float)
-    to_b = (cell_a - walls[wall_b]).astype(float)
-    slope = 2 * np.sum(step * (to_a - to_b), axis=1)
-    gap = np.sum(to_b**2, axis=1) - np.sum(to_a**2, axis=1)
-    share = np.where(np.abs(slope) > 1e-9, gap / np.where(slope == 0, 1, slope), 0.5)
-    return np.asarray(np.clip(share, 0.0, 1.0))
