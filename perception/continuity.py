@@ -20,10 +20,13 @@ from perception.star import Dlp, Star
 
 Continuity = Literal["angle", "ray"]
 MAX_BEND_RAD = math.radians(40.0)
-SURE = 0.85
+SURE = 0.95
 """Gateways less confident than this may be absent in a runner-up reading."""
 _SOFTNESS_RAD = math.radians(4.0)
 _MARGIN = 0.15
+_TILT = 0.12
+"""How far aside of each other, a cell of distance, gateways of one path may seem to lie: their
+directions are uncertain by some degrees."""
 _LEAST_WEIGHT = 0.03
 _ACROSS_BEND, _ACROSS_OFFSET = 1.25, 1.5
 """How much more bend, and lateral offset, a path may have that crosses another one."""
@@ -206,7 +209,8 @@ def _misfit(g: Gateway, h: Gateway, bend: float = 1.0, offset: float = 1.0) -> f
 
     So many times as much bend and lateral offset as on a lone path are as good.
     """
-    reach = offset * max(g.width_px, h.width_px) / 2
+    apart = math.dist(g.centre_px, h.centre_px)
+    reach = offset * max(g.width_px, h.width_px) / 2 + _TILT * apart
     aside = _offset(g, h) / reach if reach > 0 else math.inf
     if aside > 1.5:
         return math.inf

@@ -124,7 +124,7 @@ def test_turning_the_world_changes_no_star(tens: list[int], turn: int) -> None:
 
 def test_a_path_that_crosses_another_may_bend_a_little_more_and_lie_further_aside() -> None:
     through = gate(90), gate(270)
-    bent, aside = gate(180 + 45), gate(180, shift=18)
+    bent, aside = gate(180 + 45), gate(180, shift=24)
     for one in (bent, aside):
         crossing = sorted((gate(0), *through, one), key=lambda g: g.outward_rad % (2 * math.pi))
         assert name_shape(best(*crossing)) == "+"
