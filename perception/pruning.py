@@ -11,8 +11,12 @@ import numpy as np
 from perception.geometry import Array
 from perception.grid import Mask
 from perception.region import Exit, Region
-from perception.skeleton import Branch, Node, Skeleton
+from perception.sight import look_along, measure_looks
+from perception.skeleton import Node, Skeleton
 from perception.skeleton_graph import SkeletonGraph
+
+_LOOK_RAD = np.radians([-20.0, -10.0, 0.0, 10.0, 20.0])
+"""Directions in which one looks on through an exit, from straight on, seen from its junction."""
 
 _TINY, _SPECK = 12, 4
 """Points of a loop too small to go around anything, and of a part of the skeleton that is none."""
@@ -22,8 +26,8 @@ def prune(skeleton: Skeleton, region: Region, *, min_depth_px: float) -> Skeleto
     """Keep what joins the exits, on the part that the robot can reach.
 
     Branches to dead ends go; so do exits whose branch does not reach ``min_depth_px`` beyond the
-    disc of its junction. Real loops stay. With one exit only, the branch to the dead end stays
-    (it is cut at the robot later).
+    disc of its junction, nor are seen to go on so far. Real loops stay. With one exit only, the
+    branch to the dead end stays (it is cut at the robot later).
 
     Source
     ------
@@ -71,16 +75,39 @@ def _choose_leaf(graph: SkeletonGraph, region: Region, min_depth_px: float) -> i
                 open_.append((k, base, region.exits[number]))
     if dead or exits < 2 or min_depth_px <= 0:
         return min(dead)[1] if dead else None
-    depths = [(_depth(graph.branches[k], graph.nodes[b], exit_), k) for k, b, exit_ in open_]
+    depths = [
+        (_depth(graph.nodes[b], exit_, region, min_depth_px, graph.branches[k].points_px), k)
+        for k, b, exit_ in open_
+    ]
     depth, k = min(depths, default=(math.inf, -1))
     return k if depth < min_depth_px else None
 
 
-def _depth(branch: Branch, base: Node, exit_: Exit) -> float:
-    """Return how far one sees beyond the disc of a junction through the exit of a branch."""
-    return max(
-        _reach_beyond(base, branch.points_px), _reach_beyond(base, exit_.cells.astype(float))
-    )
+def _depth(
+    base: Node, exit_: Exit, region: Region, enough_px: float, points_px: Array | None = None
+) -> float:
+    """Return how far one sees beyond the disc of a junction through the exit of a branch.
+
+    Once it is known to be enough, or where sight is not asked for, it is how far the exit and the
+    points (n, 2) of the branch reach.
+    """
+    depth = _reach_beyond(base, exit_.cells.astype(float))
+    if points_px is not None:
+        depth = max(depth, _reach_beyond(base, points_px))
+    if depth >= enough_px or region.seen is None:
+        return depth
+    return max(depth, _see_beyond(base, exit_, region.seen))
+
+
+def _see_beyond(base: Node, exit_: Exit, seen: Mask) -> float:
+    """Return how far beyond the disc of a junction one sees, straight on through an exit."""
+    cells = exit_.cells.astype(float)
+    away = cells - base.point_px
+    headings = np.arctan2(away[:, 1], away[:, 0])[:, None] + _LOOK_RAD
+    _, _, on = look_along(cells, headings, seen)
+    last = np.maximum(measure_looks(on) - 1.0, 0.0)
+    ahead = np.stack([np.cos(headings), np.sin(headings)], axis=-1)
+    return _reach_beyond(base, (cells[:, None] + last[..., None] * ahead).reshape(-1, 2))
 
 
 def _reach_beyond(base: Node, points: Array) -> float:
@@ -112,7 +139,7 @@ def find_side_gaps(skeleton: Skeleton, region: Region, *, min_depth_px: float) -
             window = radius[gap <= 3.0 * float(np.median(radius))]
             middle = int(np.argmax(window >= 0.95 * window.max()))
             base = Node((float(points[middle, 0]), float(points[middle, 1])), float(radius[middle]))
-            reach = _reach_beyond(base, exit_.cells.astype(float))
+            reach = _depth(base, exit_, region, min_depth_px)
             if exit_.width_px < 1.4 * base.radius_px and reach < min_depth_px:
                 found.append(number)
     return sorted(set(found))

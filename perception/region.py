@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -57,6 +57,7 @@ class Region:
     exits : the exits, by index.
     exit_of_cell : (H, W) int32, index of the exit + 1 on frontier cells of the contour, else 0.
     radius_px : how far the walls were grown before the contour was taken.
+    seen : (H, W) mask of the cells one sees through, if exits lead as far as one sees; else None.
     """
 
     inside: Mask
@@ -67,6 +68,7 @@ class Region:
     exits: tuple[Exit, ...]
     exit_of_cell: NDArray[np.int32]
     radius_px: float
+    seen: Mask | None = None
 
 
 def find_region(
@@ -77,6 +79,7 @@ def find_region(
     min_frontier_px: float,
     island_px: float,
     way_px: Array | None = None,
+    by_sight: bool = False,
 ) -> Region:
     """Find the region a robot can pass, from where it stands.
 
@@ -91,6 +94,7 @@ def find_region(
         this in both directions become free.
     way_px : (n, 2) columns and rows the robot drove by, in order, if it did: where it has been it
         can pass, however narrow that looks.
+    by_sight : exits shall lead as far as one sees through them, not as far as the robot can pass.
 
     Raises
     ------
@@ -106,7 +110,8 @@ def find_region(
     near_wall = _touches(occupied, 2 * round(bled) + 3)
     frontier = _touches(unknown, 5, border=True) & ~near_wall
     contours = _find_contours(inside, island_px)
-    return _cut_contours(contours, inside, start, frontier, bled, min_frontier_px)
+    region = _cut_contours(contours, inside, start, frontier, bled, min_frontier_px)
+    return replace(region, seen=cells.free) if by_sight else region
 
 
 def close_exits(region: Region, numbers: list[int]) -> Region:
@@ -116,7 +121,8 @@ def close_exits(region: Region, numbers: list[int]) -> Region:
         cells = region.exits[number].cells
         frontier[cells[:, 1], cells[:, 0]] = False
     contours = _find_contours(region.inside, 0.0)
-    return _cut_contours(contours, region.inside, region.start, frontier, region.radius_px, 0.0)
+    closed = _cut_contours(contours, region.inside, region.start, frontier, region.radius_px, 0.0)
+    return replace(closed, seen=region.seen)
 
 
 def _clean(

@@ -58,6 +58,8 @@ class PlaceSettings:
     vote_m : a reading taken this far from the centre has its vote lowered to 61 %.
     runner_up : readings of the star with a smaller share of the votes are dropped.
     max_readings : how many readings of one star are kept.
+    by_sight : the drive is over: a way need not let the robot pass for ``min_depth_m``, if it is
+        seen to go on so far; where nobody looked, how far it leads says nothing.
     """
 
     lpm_m: float = 15.0
@@ -75,6 +77,7 @@ class PlaceSettings:
     vote_m: float = 1.5
     runner_up: float = 0.04
     max_readings: int = 6
+    by_sight: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +91,7 @@ class Sighting:
     gateways_m : (g, 2) centres of the gateways.
     share : probability that this is a place and not a bare path.
     topology : as read, in pixels of ``frame``.
+    vote : how much it counts beside others; below 1 if read otherwise than the settings say.
     """
 
     scan: int
@@ -98,6 +102,7 @@ class Sighting:
     share: float
     topology: LocalTopology
     frame: Frame
+    vote: float = 1.0
 
 
 def is_path(star: Star) -> bool:
@@ -246,6 +251,7 @@ def _read(
             min_depth_m=settings.min_depth_m,
             denoise=False,
             way_px=way_px,
+            by_sight=settings.by_sight,
         )
         closed = None
         if not level.admits_all:
@@ -259,6 +265,7 @@ def _read(
         way_px,
         min_frontier_px=settings.min_frontier_m / settings.cell_m,
         min_depth_px=settings.min_depth_m / settings.cell_m,
+        is_over=settings.by_sight,
     )
 
 

@@ -97,6 +97,7 @@ def local_topology(
     island_px: float | None = None,
     denoise: bool = True,
     way_px: Array | None = None,
+    by_sight: bool = False,
 ) -> LocalTopology:
     """Find the gateways around a robot and the star they form.
 
@@ -119,6 +120,7 @@ def local_topology(
     island_px : islands smaller than this are ignored; M by default.
     denoise : estimate the share of flipped cells and mend them.
     way_px : (n, 2) points the robot drove by, in order; where it has been it can pass.
+    by_sight : exits need not let the robot pass for ``min_depth_m``, if one sees so far through.
 
     Returns
     -------
@@ -157,6 +159,7 @@ def local_topology(
         min_frontier_px=scale["frontier"],
         island_px=island_px if island_px is not None else midline,
         way_px=way_px,
+        by_sight=by_sight,
     )
     region, skeleton = _find_skeleton(region, midline, scale["depth"])
     if not _leads_anywhere(skeleton):

@@ -64,9 +64,10 @@ def vote_star(
     """
     shares = _vote(sightings, reviews, centre, settings)
     found = [_oriented(group, share, entry, leave) for group, share in shares]
-    readings = sorted((r for r in found if r is not None), key=lambda r: -r.weight)
-    if not readings:
+    fits = (g.is_plain for (g, _), r in zip(shares, found, strict=True) if r is not None)
+    if not any(fits):
         return ()
+    readings = sorted((r for r in found if r is not None), key=lambda r: -r.weight)
     best = readings[0].weight
     kept = [r for r in readings if r.weight >= settings.runner_up * best][: settings.max_readings]
     total = sum(r.weight for r in kept)
@@ -75,7 +76,7 @@ def vote_star(
 
 @dataclass
 class _Group:
-    """Equal readings of the star, seen from several poses."""
+    """Equal readings of the star, seen from several poses; plain if one of them votes in full."""
 
     reading: StarReading
     headings_rad: Array
@@ -83,6 +84,7 @@ class _Group:
     ends_m: Array
     votes: float
     best_vote: float
+    is_plain: bool = False
 
 
 def _vote(
@@ -97,7 +99,7 @@ def _vote(
         distance = float(np.hypot(*(sighting.pose[:2] - centre)))
         weight = float(np.exp(-0.5 * (distance / settings.vote_m) ** 2))
         if sighting in reviews:
-            weight = REVIEW_VOTE
+            weight = REVIEW_VOTE * sighting.vote
         for reading in sighting.topology.readings:
             vote = weight * reading.weight
             headings = -np.asarray(reading.headings_px, float)
@@ -110,6 +112,7 @@ def _vote(
                 group = _Group(reading, headings, gates, ends, 0.0, 0.0)
                 groups.append(group)
             group.votes += vote
+            group.is_plain |= sighting.vote >= 1.0
             if vote > group.best_vote:
                 group.reading, group.headings_rad = reading, headings
                 group.gateways_m, group.ends_m, group.best_vote = gates, ends, vote

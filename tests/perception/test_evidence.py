@@ -126,3 +126,70 @@ def test_without_gateways_there_is_nothing_to_weigh():
 )
 def test_on_path_is_two_gateways_on_one_path(star, told):
     assert is_path(Star.parse(star)) is told
+
+
+def test_an_alcove_whose_end_is_seen_is_deeper_than_wide_or_no_way():
+    wide, narrow = draw_tee(0), draw_tee(0)
+    wide[86:110, 63:89] = 255
+    wide[86:98, 89:95] = 255  # one corner of it is not seen
+    wide[110, 62:90] = 0
+    narrow[86:, 62:90] = UNKNOWN
+    narrow[86:110, 70:82] = 255
+    narrow[86:110, 69] = narrow[86:110, 82] = narrow[110, 69:83] = 0
+    narrow[86:88, 62:90] = 0
+    narrow[86:88, 70:82] = 255
+    topology = read(draw_tee(40))
+    gateway = southern(topology)
+    slim = replace(gateway, ends_px=((81.0, 88.0), (70.0, 88.0)), width_px=11.0)
+    sure = []
+    for image, one in ((wide, gateway), (narrow, slim)):
+        others = tuple(g for g in topology.gateways if g is not gateway)
+        seen = replace(topology, gateways=(*others, replace(one, depth_px=20.0)))
+        sure.append(southern(weigh_gateways(seen, image, NOWHERE, **LIMITS)).confidence)
+    assert sure[0] < 0.3
+    assert sure[1] > 0.55
+
+
+def test_where_nobody_looked_the_length_of_a_way_says_nothing_once_the_robot_has_left():
+    image = draw_tee(0)
+    image[86:92, 63:89] = 255
+    topology = read(draw_tee(40))
+    short = [replace(g, depth_px=3.0) if g is southern(topology) else g for g in topology.gateways]
+    topology = replace(topology, gateways=tuple(short))
+    under_way = southern(weigh_gateways(topology, image, NOWHERE, **LIMITS)).confidence
+    over = southern(weigh_gateways(topology, image, NOWHERE, **LIMITS, is_over=True)).confidence
+    assert 0.4 < over < 0.6
+    assert under_way < 0.75 * over
+
+
+def test_no_way_is_quite_sure_but_those_that_were_driven():
+    image = draw_tee(0)
+    image[86:, 63:89] = 255
+    topology = read(image)
+    driven = np.column_stack([np.linspace(20, 130, 50), np.full(50, 75.0)])
+    weighed = weigh_gateways(topology, image, driven, **LIMITS)
+    sure = sorted(g.confidence for g in weighed.gateways)
+    assert sure[1:] == [1.0, 1.0]
+    assert 0.9 < sure[0] < 0.95
+    assert sum(weighed.star.alpha) == 3
+    assert len(weighed.readings) > 1  # without it, too
+
+
+def test_where_one_way_on_is_in_doubt_a_corner_is_likelier_than_a_dead_end():
+    image = draw_tee(40)
+    image[62:88, 90:] = UNKNOWN
+    image[62:88, 89] = 0  # no way east: what is left is a corner, or a dead end
+    topology = read(image)
+    assert len(topology.gateways) == 2
+    doubtful = tuple(
+        replace(g, depth_px=12.0, frontier_px=12.0) if g is southern(topology) else g
+        for g in topology.gateways
+    )
+    image[86:, 63:89] = UNKNOWN
+    image[86:92, 63:89] = 255
+    driven = np.column_stack([np.linspace(10, 75, 50), np.full(50, 75.0)])
+    topology = replace(topology, gateways=doubtful)
+    weighed = weigh_gateways(topology, image, driven, **LIMITS, is_over=True)
+    assert southern(weighed).confidence < 0.5
+    assert sum(weighed.star.alpha) == 2
+    assert sum(weighed.readings[1].star.alpha) == 1
