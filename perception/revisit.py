@@ -91,6 +91,23 @@ def look_again(
     ------
     Ours.
     """
+    how = replace(settings, by_sight=True)
+    found = read_points(local, poses, centre_m, passage, how)
+    if not found:
+        return []
+    slim = replace(how, robot_radius_m=max(how.robot_radius_m - how.cell_m, 0.0))
+    more = read_points(local, poses, centre_m, passage, slim)
+    return found + [replace(s, vote=SLIM_VOTE) for s in more]
+
+
+def read_points(
+    local: LocalMap,
+    poses: Array,
+    centre_m: Array,
+    passage: tuple[int, int, int],
+    settings: PlaceSettings,
+) -> list[Sighting]:
+    """Read the local topology once from each of a few points; as :func:`look_again`."""
     first, nearest, last = passage
     local = local.shrink_to(min(WINDOW_M, settings.lpm_m))
     sides = np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]], float)
@@ -101,13 +118,7 @@ def look_again(
     if len(way):
         chosen = np.linspace(0, len(way) - 1, min(len(way), MOST_ON_WAY)).round().astype(int)
         points += list(way[chosen])
-    how = replace(settings, by_sight=True)
-    found = [read_topology(nearest, poses, local, how, at_m=point) for point in points]
-    if all(s is None for s in found):
-        return []
-    slim = replace(how, robot_radius_m=max(how.robot_radius_m - how.cell_m, 0.0))
-    more = (read_topology(nearest, poses, local, slim, at_m=point) for point in points)
-    found += [replace(s, vote=SLIM_VOTE) for s in more if s is not None]
+    found = (read_topology(nearest, poses, local, settings, at_m=point) for point in points)
     return [s for s in found if s is not None and np.hypot(*(s.centre_m - centre_m)) < SAME_M]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,6 +23,12 @@ TURN_RAD, COARSE_RAD, FINE_RAD = 0.24, 0.08, 0.04
 """How far drift may have turned one map against the other, and the two steps of the search."""
 POINTS = (120, 400)
 """Walls looked up in the first and in the second search."""
+REFINE = ((0.1, 0.02), (0.05, 0.01), (0.025, 0.005))
+"""Steps, metres and radians, in which the place of one tile on the other is made out at last."""
+REFINE_POINTS = 600
+"""Walls looked up for that."""
+FAR_M = 0.3
+"""Walls farther off than this are simply missing."""
 LEAST_SHARE = 0.25
 """Nothing is said unless so many of the walls lie where the other map knows the space."""
 
@@ -75,6 +82,14 @@ class Tile:
         moves = np.concatenate([r * ring for r in ALIAS_M])
         return float(_rate_poses(self, self, moves, 1).max()) if len(self.walls_m) else 1.0
 
+    @cached_property
+    def gaps_m(self) -> Array:
+        """(H, W) how far the nearest wall is, at most ``FAR_M``; NaN where it is unknown."""
+        cells = classify(self.image)
+        far = cv2.distanceTransform((~cells.occupied).view(np.uint8), cv2.DIST_L2, 5)
+        gaps = np.minimum(np.asarray(far, float) * self.frame.resolution_m, FAR_M)
+        return np.where(cells.unknown, np.nan, gaps)
+
     def _draw(self, near_m: float) -> NDArray[np.int8]:
         cells = classify(self.image)
         far = cv2.distanceTransform((~cells.occupied).view(np.uint8), cv2.DIST_L2, 5)
@@ -98,6 +113,55 @@ def rate_match(first: Tile, second: Tile, turn_rad: float = 0.0) -> float | None
     ------
     Ours; after the alignment of the LPMs of a revisited place by obstacles, Beeson 2008, 9.3.1.
     """
+    found = _search(first, second, turn_rad)
+    return None if found is None else found[0]
+
+
+def align_tiles(first: Tile, second: Tile) -> tuple[float, Array] | None:
+    """Return how well two tiles fit if they show one place, and where the second then lies.
+
+    Returns
+    -------
+    As :func:`rate_match`, and the pose (3,) of the frame of the second in that of the first, found
+    to a quarter of a cell where they fit at all; None where too little is common.
+
+    Source
+    ------
+    Ours.
+    """
+    found = _search(first, second, 0.0)
+    if found is None or found[0] < EVEN_SHARE:
+        return found
+    share, pose = found
+    for step_m, step_rad in REFINE:
+        for _ in range(3):
+            moves = np.array(list(itertools.product((0, -1, 1), repeat=3)))
+            poses = pose + moves * [step_m, step_m, step_rad]
+            best = int(np.argmin(_measure_gaps(first, second, poses)))
+            pose = poses[best]
+            if best == 0:
+                break
+    return share, pose
+
+
+def _measure_gaps(first: Tile, second: Tile, poses: Array) -> Array:
+    """Return for poses (k, 3) of the second the mean gap between common walls, metres."""
+    there, back = _lay_over(first, second, poses, REFINE_POINTS)
+    gaps = np.concatenate([_look_up_gaps(first, there), _look_up_gaps(second, back)], axis=1)
+    known = np.maximum(np.isfinite(gaps).sum(axis=1), 1)
+    return np.asarray(np.nansum(gaps, axis=1) / known)
+
+
+def _look_up_gaps(tile: Tile, points_m: Array) -> Array:
+    """Return for sets of points (k, n, 2) how far the nearest wall is; NaN in the unknown."""
+    padded = np.pad(tile.gaps_m, 1, constant_values=np.nan)
+    column, row = np.moveaxis(np.rint(tile.frame.to_pixels(points_m)).astype(np.int32) + 1, -1, 0)
+    height, width = padded.shape
+    return np.asarray(padded[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)])
+
+
+def _search(first: Tile, second: Tile, turn_rad: float) -> tuple[float, Array] | None:
+    """Return the best share of walls in common, and the pose (3,) of the second for it."""
     if not len(first.walls_m) or not len(second.walls_m):
         return None
     steps = _list_steps(SHIFT_M, COARSE_M)
@@ -111,8 +175,9 @@ def rate_match(first: Tile, second: Tile, turn_rad: float = 0.0) -> float | None
     x, y, turn = poses[int(np.argmax(rough))]
     near, turns = _list_steps(FINE_M, FINE_M), _list_steps(FINE_RAD, FINE_RAD)
     local = np.array([(x + a, y + b, turn + t) for t in turns for a in near for b in near])
-    best = float(_rate_poses(first, second, local, 1).max())
-    return best if best >= 0 else None
+    rated = _rate_poses(first, second, local, 1)
+    best = int(np.argmax(rated))
+    return (float(rated[best]), local[best]) if rated[best] >= 0 else None
 
 
 def _list_steps(half: float, step: float) -> list[float]:
@@ -122,17 +187,23 @@ def _list_steps(half: float, step: float) -> list[float]:
 
 def _rate_poses(first: Tile, second: Tile, poses: Array, stage: int) -> Array:
     """Return the share of common walls for each pose (k, 3) of the second; -1 for too few."""
-    ours, theirs = _thin(first.walls_m, POINTS[stage]), _thin(second.walls_m, POINTS[stage])
+    there, back = _lay_over(first, second, poses, POINTS[stage])
+    hits, known = _look_up(first, there, stage)
+    more, also = _look_up(second, back, stage)
+    hits, known = hits + more, known + also
+    enough = known >= LEAST_SHARE * (there.shape[1] + back.shape[1])
+    return np.asarray(np.where(enough, hits / np.maximum(known, 1), -1.0), float)
+
+
+def _lay_over(first: Tile, second: Tile, poses: Array, most: int) -> tuple[Array, Array]:
+    """Return walls of the second in the frame of the first, and the other way, each (k, n, 2)."""
+    ours, theirs = _thin(first.walls_m, most), _thin(second.walls_m, most)
     c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     turn = np.stack([np.stack([c, -s], 1), np.stack([s, c], 1)], 1)
     shift = poses[:, None, :2]
     there = np.einsum("nj,kij->kni", theirs, turn) + shift
     back = np.einsum("knj,kji->kni", ours[None] - shift, turn)
-    hits, known = _look_up(first, there, stage)
-    more, also = _look_up(second, back, stage)
-    hits, known = hits + more, known + also
-    enough = known >= LEAST_SHARE * (len(ours) + len(theirs))
-    return np.asarray(np.where(enough, hits / np.maximum(known, 1), -1.0), float)
+    return there, back
 
 
 def _thin(points: Array, count: int) -> Array:
@@ -183,16 +254,13 @@ def match_visits(
     For each visit pairs of an earlier visit and what the match says, nats; see
     :func:`weigh_match`. Visits too far apart to be compared are left out.
     """
-    legs = np.hypot(*np.diff(poses[:, :2], axis=0).T)
-    driven = np.concatenate([[0.0], np.cumsum(legs)])
-    tiles = [_make_tile(visit) for visit in visits]
+    driven = measure_drive(poses)
+    tiles = [make_tile(visit) for visit in visits]
     out = []
     for v, visit in enumerate(visits):
         found = []
         for u, other in enumerate(visits[:v]):
-            way = float(driven[visit.scan] - driven[other.scan])
-            apart = float(np.hypot(*(other.centre_m - visit.centre_m)))
-            if apart > NEAR_VISIT_M + DRIFT * way:
+            if not are_comparable(other, visit, driven):
                 continue
             share = rate_match(tiles[u], tiles[v])
             if share is not None:
@@ -200,6 +268,19 @@ def match_visits(
                 found.append((u, weigh_match(share, alias)))
         out.append(tuple(found))
     return join_matches(out)
+
+
+def measure_drive(poses: Array) -> Array:
+    """Return how far was driven (n,) until each of the poses (n, 3), metres."""
+    legs = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    return np.concatenate([[0.0], np.cumsum(legs)])
+
+
+def are_comparable(first: PlaceVisit, second: PlaceVisit, driven_m: Array) -> bool:
+    """Tell whether two visits, by the way driven between them, may have been to one place."""
+    way = abs(float(driven_m[second.scan] - driven_m[first.scan]))
+    apart = float(np.hypot(*(first.centre_m - second.centre_m)))
+    return apart <= NEAR_VISIT_M + DRIFT * way
 
 
 def join_matches(
@@ -229,7 +310,8 @@ def join_matches(
     )
 
 
-def _make_tile(visit: PlaceVisit) -> Tile:
+def make_tile(visit: PlaceVisit) -> Tile:
+    """Return the stored LPM of a visit, made ready for matching, the place at its origin."""
     frame, (x, y) = visit.tile_frame, visit.centre_m
     return Tile(
         visit.tile, Frame(frame.left_m - float(x), frame.top_m - float(y), frame.resolution_m)

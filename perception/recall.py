@@ -1,0 +1,185 @@
+"""What other visits saw of a place, where this one could not look.
+
+A lidar that sees half a circle leaves a way beside it in doubt, and so does a drive that ends at
+the mouth of a place. The stored LPM of another visit nearby may show it. Where the two LPMs fit so
+well that they surely show one place, the cells that this visit left unknown are filled from the
+other, the star is read in what comes out, and those of the visit's own readings that it repeats
+gain weight. Nothing is added that the visit did not think of itself; and since unknown cells can
+hide a way but show none, a reading gains only if it keeps every way of the best one.
+
+Source: Beeson 2008, 9.3: on coming back, the stored LPM of the place is that of the visit too;
+filling the unknown alone, and weighing readings by it, is ours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.geometry import Array, wrap_angle
+from perception.grid import FREE, OCCUPIED, UNKNOWN, Image
+from perception.lpm import CALLED_AT, LocalMap
+from perception.places import PlaceVisit
+from perception.revisit import read_points
+from perception.sightings import PlaceSettings, Sighting
+from perception.tile_matching import (
+    Tile,
+    align_tiles,
+    are_comparable,
+    make_tile,
+    measure_drive,
+    weigh_match,
+)
+from perception.voting import PlaceReading
+
+SURE_NATS = 4.0
+"""LPMs that fit so well show one place."""
+
+MOST_VISITS = 3
+"""The unknown is filled from so many other visits, those that fit best first."""
+
+RECALLED = 0.8
+"""How much the reading of the filled map counts, beside what the visit read itself."""
+
+SAME_RAD = 0.7
+"""Gateways whose directions differ by less are one."""
+
+
+def recall_readings(
+    visits: Sequence[PlaceVisit], poses: Array, settings: PlaceSettings
+) -> tuple[PlaceVisit, ...]:
+    """Return the visits, their readings weighed anew by what other visits saw of the place.
+
+    Parameters
+    ----------
+    visits : in order of time. poses : (n, 3) of the laser, drive frame.
+    settings : those the visits were found with.
+
+    Source
+    ------
+    See the head of this module.
+    """
+    driven = measure_drive(poses)
+    tiles = [make_tile(visit) for visit in visits]
+    links = _link(visits, tiles, driven)
+    # Maps laid over each other are known to a cell: the robot is slimmer by one on both sides.
+    slim_m = max(settings.robot_radius_m - settings.cell_m, 0.0)
+    how = replace(settings, robot_radius_m=slim_m, by_sight=True)
+    out = []
+    for v, visit in enumerate(visits):
+        best = sorted(links[v], key=lambda link: -link[0])[:MOST_VISITS]
+        if not best or len(visit.readings) < 2:
+            out.append(visit)
+            continue
+        local = _open_map(visit, settings)
+        for _, u, pose in best:
+            _fill_unknown(local, visit, tiles[u], pose)
+        passage = visit.first_scan, visit.scan, visit.last_scan
+        out.append(_weigh(visit, read_points(local, poses, visit.centre_m, passage, how)))
+    return tuple(out)
+
+
+def _link(
+    visits: Sequence[PlaceVisit], tiles: Sequence[Tile], driven: Array
+) -> list[list[tuple[float, int, Array]]]:
+    """Return for each visit (nats, other visit, its pose (3,) in the frame of this) that fit."""
+    links: list[list[tuple[float, int, Array]]] = [[] for _ in visits]
+    for v in range(len(visits)):
+        for u in range(v):
+            in_doubt = len(visits[u].readings) + len(visits[v].readings) > 2
+            if not in_doubt or not are_comparable(visits[u], visits[v], driven):
+                continue
+            found = align_tiles(tiles[u], tiles[v])
+            if found is None:
+                continue
+            share, pose = found
+            nats = weigh_match(share, min(tiles[u].alias, tiles[v].alias))
+            if nats >= SURE_NATS:
+                links[u].append((nats, v, pose))
+                links[v].append((nats, u, _invert(pose)))
+    return links
+
+
+def _invert(pose: Array) -> Array:
+    """Return the pose (3,) of the first frame in the second, given that of the second in it."""
+    x, y, turn = pose
+    c, s = np.cos(turn), np.sin(turn)
+    return np.array([-c * x - s * y, s * x - c * y, -turn])
+
+
+def _open_map(visit: PlaceVisit, settings: PlaceSettings) -> LocalMap:
+    """Return the stored LPM of a visit as a map again."""
+    local = LocalMap(settings.lpm_m, settings.cell_m, settings.range_cap_m)
+    local.frame = visit.tile_frame
+    local.log_odds = _as_log_odds(visit.tile)
+    return local
+
+
+def _as_log_odds(image: Image) -> NDArray[np.float32]:
+    """Return cells of a grey image of an LPM as log-odds just large enough to be called so."""
+    log_odds: NDArray[np.float32] = np.zeros(image.shape, np.float32)
+    log_odds[image == FREE] = -2.0 * CALLED_AT
+    log_odds[image == OCCUPIED] = 2.0 * CALLED_AT
+    return log_odds
+
+
+def _fill_unknown(local: LocalMap, visit: PlaceVisit, tile: Tile, pose: Array) -> None:
+    """Fill the unknown cells of a visit's map from the tile of another, at a pose (3,) in its."""
+    unknown = np.column_stack(np.nonzero(local.log_odds == 0.0))
+    here = local.frame.to_metres(unknown[:, ::-1].astype(float)) - visit.centre_m
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    there = (here - pose[:2]) @ np.array([[c, -s], [s, c]])
+    column, row = np.rint(tile.frame.to_pixels(there)).astype(int).T
+    height, width = tile.image.shape
+    on = (column >= 0) & (row >= 0) & (column < width) & (row < height)
+    seen = np.full(len(unknown), UNKNOWN, np.uint8)
+    seen[on] = tile.image[row[on], column[on]]
+    local.log_odds[unknown[:, 0], unknown[:, 1]] = _as_log_odds(seen)
+
+
+def _weigh(visit: PlaceVisit, sightings: Sequence[Sighting]) -> PlaceVisit:
+    """Return the visit, its readings weighed by how many sightings repeat them, best first."""
+    least = _list_ways(np.asarray(visit.readings[0].headings_rad), visit.readings[0].star.alpha)
+    repeated = np.zeros(len(visit.readings))
+    for sighting in sightings:
+        for read in sighting.topology.readings:
+            headings = -np.asarray(read.headings_px, float)
+            if not _keeps(_list_ways(headings, read.star.alpha), least):
+                continue
+            for k, own in enumerate(visit.readings):
+                if _is_same(own, read.star.isomorphisms(own.star), headings):
+                    repeated[k] += read.weight
+                    break
+    if not repeated.any():
+        return visit
+    before = np.array([reading.weight for reading in visit.readings])
+    weights = (1.0 - RECALLED) * before / before.sum() + RECALLED * repeated / repeated.sum()
+    told = [replace(r, weight=float(w)) for r, w in zip(visit.readings, weights, strict=True)]
+    return replace(visit, readings=tuple(sorted(told, key=lambda r: -r.weight)))
+
+
+def _list_ways(headings_rad: Array, alpha: Sequence[int]) -> Array:
+    """Return the directions (k,) in which a star can be left."""
+    return np.asarray(headings_rad[np.array(alpha, bool)])
+
+
+def _keeps(ways_rad: Array, least_rad: Array) -> bool:
+    """Tell whether there is a way in each of some directions, and no fewer ways than those."""
+    if len(ways_rad) < len(least_rad):
+        return False
+    off = np.abs(wrap_angle(ways_rad[:, None] - least_rad[None, :]))
+    return bool((off.min(axis=0, initial=np.inf) < SAME_RAD).all())
+
+
+def _is_same(own: PlaceReading, turns: Sequence[int], headings_rad: Array) -> bool:
+    """Tell whether a reading, isomorphic to an own one by some turns, has its ways there too."""
+    size, mine = len(own.star), np.asarray(own.headings_rad)
+    for r in turns:
+        there = (np.arange(size) + r) % size
+        ways = np.array(own.star.alpha, bool)[there]
+        if (np.abs(wrap_angle(mine[there] - headings_rad))[ways] < SAME_RAD).all():
+            return True
+    return False
