@@ -144,16 +144,18 @@ def build_from_log(
     from perception.localise import covariance_between
     from perception.mapping import draw_map
     from perception.places import detect_places
+    from perception.recall import recall_readings
     from perception.tile_matching import match_visits
 
     report, clock = progress or _report_nothing, clock or Clock()
     with clock.stage("localise"):
         local = _localise(log, poses, lambda done, total: report("localise", done, total))
+    settings = settings_for(doors, min_gateway_m)
     with clock.stage("places"):
         visits = detect_places(
             log,
             local.poses,
-            settings_for(doors, min_gateway_m),
+            settings,
             lambda done, total: report("places", done, total),
         )
     if not visits:
@@ -161,8 +163,8 @@ def build_from_log(
             f"{log.source}: no place was found along the drive ({len(log)} scans); a drive has to "
             "pass a corridor crossing, a corner or a dead end"
         )
-    visits = expect_readings(visits, local.poses)
     with clock.stage("match"):
+        visits = expect_readings(recall_readings(visits, local.poses, settings), local.poses)
         lpm_matches = match_visits(visits, local.poses)
     experience = make_experience(
         visits,
