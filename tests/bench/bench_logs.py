@@ -2,9 +2,12 @@
 
 Beside our figures stand those of the feasibility trial on the same logs and, for the trajectory,
 the corrected poses that the logs carry. Places to find are listed by hand in
-truth/corridor_places.json. Stars are compared as each visit read them, before ``build`` lets visits
-near each other suggest readings to one another ("told" is with those). Corridor level is what
-``hssh build`` does by default; door level (``--doors keep``) is shown for information.
+truth/corridor_places.json. Stars are compared three times: as each visit read them by itself;
+"recalled", once the stored local map of a visit that surely was to the same place has shown what
+this one could not look into, which is what ``build`` goes on with; and "told", with the readings
+that visits near each other suggest to one another. Equal stars are asked of the second, one of the
+two best of the first and of the second. Corridor level is what ``hssh build`` does by default; door
+level (``--doors keep``) is shown for information.
 
 Where rooms have few listed crossings, the pairs of visits compared are those that passed one spot.
 The trial took corrected poses only, and of the first log of rooms the visits to listed crossings:
@@ -30,6 +33,7 @@ from hssh_kb.build import build
 from hssh_kb.kb import KnowledgeBase
 from perception.expectation import expect_readings
 from perception.mapping import mean_distance_m
+from perception.recall import recall_readings
 from tests.bench.data import data_path
 from tests.bench.pictures import save_sheet
 from tests.bench.rate_logs import (
@@ -71,11 +75,12 @@ def run() -> bool:
         f"{'log':18}{'poses':>10}{'scans':>6}{'visits':>7}{'places':>7}{'cpu s':>7}{'drive s':>8}"
         f"{'MB':>5}{'mean m':>7}{'closures P':>11}{'R':>5}{'recall':>7}{'prec.':>6}{'listed':>7}"
         f"{'all':>5}"
-        f"{'arms':>5}{'pairs':>6}{'equal':>6}{'2 best':>7}{'told':>5}"
+        f"{'arms':>5}{'pairs':>6}{'equal':>6}{'2 best':>7}{'recalled':>9}{'2 best':>7}{'told':>5}"
         "   trial: recall, precision, equal"
     )
     print(
-        f"{'asked':18}{'':62}{'1.00':>7}{'.80':>5}{'.95':>7}{'.95':>6}{'.95':>7}{'':16}{'.90':>6}{'.98':>7}"
+        f"{'asked':18}{'':62}{'1.00':>7}{'.80':>5}{'.95':>7}{'.95':>6}{'.95':>7}{'':16}{'':>6}{'.98':>7}"
+        f"{'.90':>9}{'.98':>7}"
     )
     good = True
     for name, parts in LOGS.items():
@@ -92,17 +97,23 @@ def run() -> bool:
     return good
 
 
-def _build(path: Path, mode: str, **options: str) -> tuple[KnowledgeBase, Stars, float]:
-    """Return the knowledge base, the stars that each visit read by itself, and the seconds."""
+def _build(path: Path, mode: str, **options: str) -> tuple[KnowledgeBase, list[Stars], float]:
+    """Return the knowledge base, the stars as read and as recalled, and the seconds."""
     start = time.process_time()
-    with patch("perception.expectation.expect_readings", wraps=expect_readings) as expect:
+    with (
+        patch("perception.recall.recall_readings", wraps=recall_readings) as recall,
+        patch("perception.expectation.expect_readings", wraps=expect_readings) as expect,
+    ):
         kb = build(path, poses=mode, **options)
-    own = [tuple(r.star for r in visit.readings) for visit in expect.call_args.args[0]]
-    return kb, own, time.process_time() - start
+    stars: list[Stars] = [
+        [tuple(r.star for r in visit.readings) for visit in stage.call_args.args[0]]
+        for stage in (recall, expect)
+    ]
+    return kb, stars, time.process_time() - start
 
 
 def _report(
-    name: str, mode: str, kb: KnowledgeBase, stars: Stars, seconds: float, truth: dict
+    name: str, mode: str, kb: KnowledgeBase, stars: list[Stars], seconds: float, truth: dict
 ) -> bool:
     drive = kb.trajectory
     mean = mean_distance_m(drive.poses, drive.corrected)
@@ -112,11 +123,13 @@ def _report(
     memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     precision, recall = rate_closures(kb)
     listed = [entry["at"] for entry in json.loads(OPENINGS.read_text()).get(name, [])]
-    rates = rate_places(kb, truth, stars, listed)
+    rates = rate_places(kb, truth, stars[0], listed, stars[1])
     equal, second, told, pairs = rates.equal, rates.second, rates.told, rates.pairs
+    recalled = rates.recalled_equal, rates.recalled_second
     if name in ROOMS:
         found = pair_visits(kb)
-        equal, second = rate_stars(stars, found)
+        equal, second = rate_stars(stars[0], found)
+        recalled = rate_stars(stars[1], found)
         told = rate_stars(list_stars(kb), found)[1]
         pairs = len(found)
     print(
@@ -124,7 +137,8 @@ def _report(
         f"{seconds:7.1f}{shown}{memory_mb:5.0f}{mean:7.2f}{precision:11.2f}{recall:5.2f}"
         f"{rates.recall:7.2f}{rates.precision:6.2f}"
         f"{rates.listed:7.2f}{rates.raw:5.2f}{rates.arms:5.2f}{pairs:6}"
-        f"{equal:6.2f}{second:7.2f}{told:5.2f}   {TRIAL.get(name, '')}",
+        f"{equal:6.2f}{second:7.2f}{recalled[0]:9.2f}{recalled[1]:7.2f}{told:5.2f}"
+        f"   {TRIAL.get(name, '')}",
         flush=True,
     )
     if name in ROOMS:
@@ -143,7 +157,8 @@ def _report(
 def _reaches(rates: PlaceRates) -> bool:
     """Tell whether the figures asked of corridors are reached."""
     found = rates.recall >= 0.95 and rates.listed >= 0.95
-    return found and rates.equal >= 0.90 and rates.second >= 0.98
+    equal = rates.recalled_equal >= 0.90
+    return found and equal and min(rates.second, rates.recalled_second) >= 0.98
 
 
 def _show_wrong(name: str, kb: KnowledgeBase, rates: PlaceRates) -> None:

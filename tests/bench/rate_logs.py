@@ -18,8 +18,7 @@ may or may not count is neither right nor wrong."""
 NEAR_M, LEFT_M = 3.0, 5.0
 """A passage begins so near to a place, and ends so far from it."""
 Stars = Sequence[tuple[Star, ...]]
-"""Of each visit the stars that were read there, best first, without those that other visits
-suggested: of two visits neither has been told what the other saw."""
+"""Of each visit the stars that were read there, best first."""
 
 SAME_M, OTHER_M = 1.5, 4.0
 """Visits nearer than the one are to one place, farther apart than the other to two."""
@@ -38,9 +37,12 @@ class PlaceRates:
     wrong : of each visit that is wrong by ``precision`` its number, and whether ``listed`` leaves
         it out.
     arms : share of hits whose best star has the listed arms.
-    pairs, equal : pairs of visits to one listed place, and the share with equal best stars.
+    pairs, equal : pairs of visits to one listed place, and the share with equal best stars, as
+        each visit read them by itself: neither has been told what the other saw.
     second : share of (visit, other visit) whose best star is one of the two best of the other.
-    told : the same with the readings that other visits suggested.
+    recalled_equal, recalled_second : the same once each visit knows what others nearby saw where
+        it could not look.
+    told : as ``second``, with the readings that other visits suggested, too.
     """
 
     passages: int
@@ -53,18 +55,25 @@ class PlaceRates:
     pairs: int
     equal: float
     second: float
+    recalled_equal: float
+    recalled_second: float
     told: float
 
 
 def rate_places(
-    kb: KnowledgeBase, truth: dict, stars: Stars, openings: Sequence[Sequence[float]] = ()
+    kb: KnowledgeBase,
+    truth: dict,
+    stars: Stars,
+    openings: Sequence[Sequence[float]] = (),
+    recalled: Stars | None = None,
 ) -> PlaceRates:
     """Compare the visits, and the stars read at them, with a list of places, openings and doors.
 
     Parameters
     ----------
     truth : entry of truth/corridor_places.json. openings : (k, 2) that this list lacks, the same
-        frame.
+        frame. stars : as each visit read them by itself.
+    recalled : the same stars after each visit was told what others saw; ``stars`` by default.
     """
     poses, scans = kb.trajectory.corrected, kb.trajectory.visit_scans
     listed = truth["places"]
@@ -95,6 +104,7 @@ def rate_places(
         float(np.mean(arms or [0])),
         len(pairs),
         *rate_stars(stars, pairs),
+        *rate_stars(stars if recalled is None else recalled, pairs),
         rate_stars(list_stars(kb), pairs)[1],
     )
 
