@@ -42,7 +42,8 @@ MOST_VISITS = 3
 """The unknown is filled from so many other visits, those that fit best first."""
 
 RECALLED = 0.8
-"""How much the reading of the filled map counts, beside what the visit read itself."""
+"""How much what is read in the filled map counts beside what the visit read itself, where all that
+is read there is among the visit's own readings; where little is, so much less."""
 
 SAME_RAD = 0.7
 """Gateways whose directions differ by less are one."""
@@ -143,9 +144,10 @@ def _fill_unknown(local: LocalMap, visit: PlaceVisit, tile: Tile, pose: Array) -
 def _weigh(visit: PlaceVisit, sightings: Sequence[Sighting]) -> PlaceVisit:
     """Return the visit, its readings weighed by how many sightings repeat them, best first."""
     least = _list_ways(np.asarray(visit.readings[0].headings_rad), visit.readings[0].star.alpha)
-    repeated = np.zeros(len(visit.readings))
+    repeated, total = np.zeros(len(visit.readings)), 0.0
     for sighting in sightings:
         for read in sighting.topology.readings:
+            total += read.weight
             headings = -np.asarray(read.headings_px, float)
             if not _keeps(_list_ways(headings, read.star.alpha), least):
                 continue
@@ -156,7 +158,8 @@ def _weigh(visit: PlaceVisit, sightings: Sequence[Sighting]) -> PlaceVisit:
     if not repeated.any():
         return visit
     before = np.array([reading.weight for reading in visit.readings])
-    weights = (1.0 - RECALLED) * before / before.sum() + RECALLED * repeated / repeated.sum()
+    trust = RECALLED * float(repeated.sum()) / total
+    weights = (1.0 - trust) * before / before.sum() + trust * repeated / repeated.sum()
     told = [replace(r, weight=float(w)) for r, w in zip(visit.readings, weights, strict=True)]
     return replace(visit, readings=tuple(sorted(told, key=lambda r: -r.weight)))
 

@@ -69,7 +69,7 @@ def test_a_way_that_another_visit_looked_into_is_believed():
     same, told = recall(known, doubtful)
     assert same is known
     assert told.readings[0].star == PLUS
-    assert weights(told)[PLUS] == pytest.approx(0.82, abs=0.05)
+    assert 0.6 < weights(told)[PLUS] < 0.82
     assert sum(weights(told).values()) == pytest.approx(1.0)
     assert told.readings[0].gateways_m == doubtful.readings[1].gateways_m
 
