@@ -4,8 +4,9 @@ A lidar that sees half a circle leaves a way beside it in doubt, and so does a d
 the mouth of a place. The stored LPM of another visit nearby may show it. Where the two LPMs fit so
 well that they surely show one place, the cells that this visit left unknown are filled from the
 other, the star is read in what comes out, and those of the visit's own readings that it repeats
-gain weight. Nothing is added that the visit did not think of itself; and since unknown cells can
-hide a way but show none, a reading gains only if it keeps every way of the best one.
+gain weight. Nothing is added that one of the visits did not think of itself: a reading gains only
+if all of them have it among theirs; and since unknown cells can hide a way but show none, it must
+keep every way of the best one.
 
 Source: Beeson 2008, 9.3: on coming back, the stored LPM of the place is that of the visit too;
 filling the unknown alone, and weighing readings by it, is ours.
@@ -79,7 +80,8 @@ def recall_readings(
         for _, u, pose in best:
             _fill_unknown(local, visit, tiles[u], pose)
         passage = visit.first_scan, visit.scan, visit.last_scan
-        out.append(_weigh(visit, read_points(local, poses, visit.centre_m, passage, how)))
+        sightings = read_points(local, poses, visit.centre_m, passage, how)
+        out.append(_weigh(visit, sightings, [(visits[u], pose[2]) for _, u, pose in best]))
     return tuple(out)
 
 
@@ -141,9 +143,17 @@ def _fill_unknown(local: LocalMap, visit: PlaceVisit, tile: Tile, pose: Array) -
     local.log_odds[unknown[:, 0], unknown[:, 1]] = _as_log_odds(seen)
 
 
-def _weigh(visit: PlaceVisit, sightings: Sequence[Sighting]) -> PlaceVisit:
-    """Return the visit, its readings weighed by how many sightings repeat them, best first."""
+def _weigh(
+    visit: PlaceVisit, sightings: Sequence[Sighting], others: Sequence[tuple[PlaceVisit, float]]
+) -> PlaceVisit:
+    """Return the visit, its readings weighed by how many sightings repeat them, best first.
+
+    Parameters
+    ----------
+    others : the visits that the map was filled from, and how far each is turned, radians.
+    """
     least = _list_ways(np.asarray(visit.readings[0].headings_rad), visit.readings[0].star.alpha)
+    shared = [all(_has(other, own, turn) for other, turn in others) for own in visit.readings]
     repeated, total = np.zeros(len(visit.readings)), 0.0
     for sighting in sightings:
         for read in sighting.topology.readings:
@@ -153,7 +163,7 @@ def _weigh(visit: PlaceVisit, sightings: Sequence[Sighting]) -> PlaceVisit:
                 continue
             for k, own in enumerate(visit.readings):
                 if _is_same(own, read.star.isomorphisms(own.star), headings):
-                    repeated[k] += read.weight
+                    repeated[k] += read.weight * shared[k]
                     break
     if not repeated.any():
         return visit
@@ -162,6 +172,14 @@ def _weigh(visit: PlaceVisit, sightings: Sequence[Sighting]) -> PlaceVisit:
     weights = (1.0 - trust) * before / before.sum() + trust * repeated / repeated.sum()
     told = [replace(r, weight=float(w)) for r, w in zip(visit.readings, weights, strict=True)]
     return replace(visit, readings=tuple(sorted(told, key=lambda r: -r.weight)))
+
+
+def _has(visit: PlaceVisit, reading: PlaceReading, turn_rad: float) -> bool:
+    """Tell whether a visit, turned so far, has a reading of another among its own."""
+    return any(
+        _is_same(reading, r.star.isomorphisms(reading.star), np.asarray(r.headings_rad) + turn_rad)
+        for r in visit.readings
+    )
 
 
 def _list_ways(headings_rad: Array, alpha: Sequence[int]) -> Array:
