@@ -145,7 +145,7 @@ def build_from_log(
     from perception.mapping import draw_map
     from perception.places import detect_places
     from perception.recall import recall_readings
-    from perception.tile_matching import match_visits
+    from perception.tile_matching import list_matches, match_visits
 
     report, clock = progress or _report_nothing, clock or Clock()
     with clock.stage("localise"):
@@ -164,8 +164,10 @@ def build_from_log(
             "pass a corridor crossing, a corner or a dead end"
         )
     with clock.stage("match"):
-        visits = expect_readings(recall_readings(visits, local.poses, settings), local.poses)
-        lpm_matches = match_visits(visits, local.poses)
+        tiles, matches = match_visits(visits, local.poses)
+        visits = recall_readings(visits, local.poses, tiles, matches, settings)
+        visits = expect_readings(visits, local.poses)
+        lpm_matches = list_matches(matches, len(visits))
     experience = make_experience(
         visits,
         local.poses,

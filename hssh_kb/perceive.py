@@ -40,7 +40,7 @@ def make_experience(
     poses : (n, 3) poses of the laser, drive frame.
     covariance_between : gives the (3, 3) covariance of the pose of scan j in the frame of scan i.
     lpm_matches : for each visit, what its local map says on earlier ones; see
-        :func:`perception.tile_matching.match_visits`.
+        :func:`perception.tile_matching.list_matches`.
 
     Source
     ------

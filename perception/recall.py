@@ -26,14 +26,7 @@ from perception.lpm import CALLED_AT, LocalMap
 from perception.places import PlaceVisit
 from perception.revisit import read_points
 from perception.sightings import PlaceSettings, Sighting
-from perception.tile_matching import (
-    Tile,
-    align_tiles,
-    are_comparable,
-    make_tile,
-    measure_drive,
-    weigh_match,
-)
+from perception.tile_matching import Match, Tile, refine_pose
 from perception.voting import PlaceReading
 
 SURE_NATS = 4.0
@@ -51,22 +44,25 @@ SAME_RAD = 0.7
 
 
 def recall_readings(
-    visits: Sequence[PlaceVisit], poses: Array, settings: PlaceSettings
+    visits: Sequence[PlaceVisit],
+    poses: Array,
+    tiles: Sequence[Tile],
+    matches: Sequence[Match],
+    settings: PlaceSettings,
 ) -> tuple[PlaceVisit, ...]:
     """Return the visits, their readings weighed anew by what other visits saw of the place.
 
     Parameters
     ----------
     visits : in order of time. poses : (n, 3) of the laser, drive frame.
+    tiles, matches : of the visits; see :func:`perception.tile_matching.match_visits`.
     settings : those the visits were found with.
 
     Source
     ------
     See the head of this module.
     """
-    driven = measure_drive(poses)
-    tiles = [make_tile(visit) for visit in visits]
-    links = _link(visits, tiles, driven)
+    links = _link(visits, tiles, matches)
     # Maps laid over each other are known to a cell: the robot is slimmer by one on both sides.
     slim_m = max(settings.robot_radius_m - settings.cell_m, 0.0)
     how = replace(settings, robot_radius_m=slim_m, by_sight=True)
@@ -86,23 +82,17 @@ def recall_readings(
 
 
 def _link(
-    visits: Sequence[PlaceVisit], tiles: Sequence[Tile], driven: Array
+    visits: Sequence[PlaceVisit], tiles: Sequence[Tile], matches: Sequence[Match]
 ) -> list[list[tuple[float, int, Array]]]:
     """Return for each visit (nats, other visit, its pose (3,) in the frame of this) that fit."""
     links: list[list[tuple[float, int, Array]]] = [[] for _ in visits]
-    for v in range(len(visits)):
-        for u in range(v):
-            in_doubt = len(visits[u].readings) + len(visits[v].readings) > 2
-            if not in_doubt or not are_comparable(visits[u], visits[v], driven):
-                continue
-            found = align_tiles(tiles[u], tiles[v])
-            if found is None:
-                continue
-            share, pose = found
-            nats = weigh_match(share, min(tiles[u].alias, tiles[v].alias))
-            if nats >= SURE_NATS:
-                links[u].append((nats, v, pose))
-                links[v].append((nats, u, _invert(pose)))
+    for one in matches:
+        u, v = one.earlier, one.later
+        in_doubt = len(visits[u].readings) + len(visits[v].readings) > 2
+        if in_doubt and one.nats >= SURE_NATS:
+            pose = refine_pose(tiles[u], tiles[v], one.pose)
+            links[u].append((one.nats, v, pose))
+            links[v].append((one.nats, u, _invert(pose)))
     return links
 
 

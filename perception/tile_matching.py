@@ -97,7 +97,7 @@ class Tile:
         return np.where(near, 1, np.where(cells.free, 0, -1)).astype(np.int8)
 
 
-def rate_match(first: Tile, second: Tile, turn_rad: float = 0.0) -> float | None:
+def rate_match(first: Tile, second: Tile, turn_rad: float = 0.0) -> tuple[float, Array] | None:
     """Rate how well two tiles fit if they show one place.
 
     Parameters
@@ -106,62 +106,16 @@ def rate_match(first: Tile, second: Tile, turn_rad: float = 0.0) -> float | None
 
     Returns
     -------
-    Of the walls of each that lie where the other knows the space, the share that lies near a wall
-    of the other, under the best small shift and turn, 0 to 1; None where too little is common.
+    None where too little is common, else
+
+    share : of the walls of each that lie where the other knows the space, the share that lies near
+        a wall of the other, under the best small shift and turn, 0 to 1.
+    pose : (3,) of the frame of the second in that of the first, about, for that.
 
     Source
     ------
     Ours; after the alignment of the LPMs of a revisited place by obstacles, Beeson 2008, 9.3.1.
     """
-    found = _search(first, second, turn_rad)
-    return None if found is None else found[0]
-
-
-def align_tiles(first: Tile, second: Tile) -> tuple[float, Array] | None:
-    """Return how well two tiles fit if they show one place, and where the second then lies.
-
-    Returns
-    -------
-    As :func:`rate_match`, and the pose (3,) of the frame of the second in that of the first, found
-    to a quarter of a cell where they fit at all; None where too little is common.
-
-    Source
-    ------
-    Ours.
-    """
-    found = _search(first, second, 0.0)
-    if found is None or found[0] < EVEN_SHARE:
-        return found
-    share, pose = found
-    for step_m, step_rad in REFINE:
-        for _ in range(3):
-            moves = np.array(list(itertools.product((0, -1, 1), repeat=3)))
-            poses = pose + moves * [step_m, step_m, step_rad]
-            best = int(np.argmin(_measure_gaps(first, second, poses)))
-            pose = poses[best]
-            if best == 0:
-                break
-    return share, pose
-
-
-def _measure_gaps(first: Tile, second: Tile, poses: Array) -> Array:
-    """Return for poses (k, 3) of the second the mean gap between common walls, metres."""
-    there, back = _lay_over(first, second, poses, REFINE_POINTS)
-    gaps = np.concatenate([_look_up_gaps(first, there), _look_up_gaps(second, back)], axis=1)
-    known = np.maximum(np.isfinite(gaps).sum(axis=1), 1)
-    return np.asarray(np.nansum(gaps, axis=1) / known)
-
-
-def _look_up_gaps(tile: Tile, points_m: Array) -> Array:
-    """Return for sets of points (k, n, 2) how far the nearest wall is; NaN in the unknown."""
-    padded = np.pad(tile.gaps_m, 1, constant_values=np.nan)
-    column, row = np.moveaxis(np.rint(tile.frame.to_pixels(points_m)).astype(np.int32) + 1, -1, 0)
-    height, width = padded.shape
-    return np.asarray(padded[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)])
-
-
-def _search(first: Tile, second: Tile, turn_rad: float) -> tuple[float, Array] | None:
-    """Return the best share of walls in common, and the pose (3,) of the second for it."""
     if not len(first.walls_m) or not len(second.walls_m):
         return None
     steps = _list_steps(SHIFT_M, COARSE_M)
@@ -178,6 +132,44 @@ def _search(first: Tile, second: Tile, turn_rad: float) -> tuple[float, Array] |
     rated = _rate_poses(first, second, local, 1)
     best = int(np.argmax(rated))
     return (float(rated[best]), local[best]) if rated[best] >= 0 else None
+
+
+def refine_pose(first: Tile, second: Tile, pose: Array) -> Array:
+    """Return the pose (3,) of the second tile's frame in that of the first to a quarter of a cell.
+
+    Parameters
+    ----------
+    pose : (3,) about where they fit; see :func:`rate_match`.
+
+    Source
+    ------
+    Ours.
+    """
+    moves = np.array(list(itertools.product((0, -1, 1), repeat=3)))
+    for step_m, step_rad in REFINE:
+        for _ in range(3):
+            poses = pose + moves * [step_m, step_m, step_rad]
+            best = int(np.argmin(_measure_gaps(first, second, poses)))
+            pose = poses[best]
+            if best == 0:
+                break
+    return pose
+
+
+def _measure_gaps(first: Tile, second: Tile, poses: Array) -> Array:
+    """Return for poses (k, 3) of the second the mean gap between common walls, metres."""
+    there, back = _lay_over(first, second, poses, REFINE_POINTS)
+    gaps = np.concatenate([_look_up_gaps(first, there), _look_up_gaps(second, back)], axis=1)
+    known = np.maximum(np.isfinite(gaps).sum(axis=1), 1)
+    return np.asarray(np.nansum(gaps, axis=1) / known)
+
+
+def _look_up_gaps(tile: Tile, points_m: Array) -> Array:
+    """Return for sets of points (k, n, 2) how far the nearest wall is; NaN in the unknown."""
+    padded = np.pad(tile.gaps_m, 1, constant_values=np.nan)
+    column, row = np.moveaxis(np.rint(tile.frame.to_pixels(points_m)).astype(np.int32) + 1, -1, 0)
+    height, width = padded.shape
+    return np.asarray(padded[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)])
 
 
 def _list_steps(half: float, step: float) -> list[float]:
@@ -240,9 +232,25 @@ def weigh_match(share: float, alias: float = 0.0) -> float:
     return float(np.clip(nats, LEAST_NATS, MOST_NATS))
 
 
+@dataclass(frozen=True, eq=False)
+class Match:
+    """How well the LPMs of two visits fit.
+
+    Attributes
+    ----------
+    earlier, later : the visits. nats : what it says; see :func:`weigh_match`.
+    pose : (3,) of the later in the frame of the earlier, about; see :func:`rate_match`.
+    """
+
+    earlier: int
+    later: int
+    nats: float
+    pose: Array
+
+
 def match_visits(
     visits: Sequence[PlaceVisit], poses: Array
-) -> tuple[tuple[tuple[int, float], ...], ...]:
+) -> tuple[tuple[Tile, ...], tuple[Match, ...]]:
     """Match the LPM of each visit with those of earlier visits that may have been to its place.
 
     Parameters
@@ -251,36 +259,38 @@ def match_visits(
 
     Returns
     -------
-    For each visit pairs of an earlier visit and what the match says, nats; see
-    :func:`weigh_match`. Visits too far apart to be compared are left out.
+    tiles : of the visits.
+    matches : of visits near enough to each other to be compared, that have enough in common.
     """
-    driven = measure_drive(poses)
-    tiles = [make_tile(visit) for visit in visits]
-    out = []
-    for v, visit in enumerate(visits):
-        found = []
-        for u, other in enumerate(visits[:v]):
-            if not are_comparable(other, visit, driven):
-                continue
-            share = rate_match(tiles[u], tiles[v])
-            if share is not None:
-                alias = min(tiles[u].alias, tiles[v].alias)
-                found.append((u, weigh_match(share, alias)))
-        out.append(tuple(found))
-    return join_matches(out)
-
-
-def measure_drive(poses: Array) -> Array:
-    """Return how far was driven (n,) until each of the poses (n, 3), metres."""
     legs = np.hypot(*np.diff(poses[:, :2], axis=0).T)
-    return np.concatenate([[0.0], np.cumsum(legs)])
+    driven = np.concatenate([[0.0], np.cumsum(legs)])
+    tiles = tuple(_make_tile(visit) for visit in visits)
+    found = []
+    for v, visit in enumerate(visits):
+        for u, other in enumerate(visits[:v]):
+            way = float(driven[visit.scan] - driven[other.scan])
+            apart = float(np.hypot(*(other.centre_m - visit.centre_m)))
+            if apart > NEAR_VISIT_M + DRIFT * way:
+                continue
+            fit = rate_match(tiles[u], tiles[v])
+            if fit is not None:
+                share, pose = fit
+                alias = min(tiles[u].alias, tiles[v].alias)
+                found.append(Match(u, v, weigh_match(share, alias), pose))
+    return tiles, tuple(found)
 
 
-def are_comparable(first: PlaceVisit, second: PlaceVisit, driven_m: Array) -> bool:
-    """Tell whether two visits, by the way driven between them, may have been to one place."""
-    way = abs(float(driven_m[second.scan] - driven_m[first.scan]))
-    apart = float(np.hypot(*(first.centre_m - second.centre_m)))
-    return apart <= NEAR_VISIT_M + DRIFT * way
+def list_matches(
+    matches: Sequence[Match], visits: int
+) -> tuple[tuple[tuple[int, float], ...], ...]:
+    """Return for each of so many visits pairs of an earlier visit and what the match says, nats.
+
+    Two visits that both fit a third one fit each other; see :func:`join_matches`.
+    """
+    pairs: list[list[tuple[int, float]]] = [[] for _ in range(visits)]
+    for one in matches:
+        pairs[one.later].append((one.earlier, one.nats))
+    return join_matches([tuple(found) for found in pairs])
 
 
 def join_matches(
@@ -310,7 +320,7 @@ def join_matches(
     )
 
 
-def make_tile(visit: PlaceVisit) -> Tile:
+def _make_tile(visit: PlaceVisit) -> Tile:
     """Return the stored LPM of a visit, made ready for matching, the place at its origin."""
     frame, (x, y) = visit.tile_frame, visit.centre_m
     return Tile(

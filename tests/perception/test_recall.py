@@ -10,7 +10,7 @@ from perception.grid import FREE, OCCUPIED, UNKNOWN, Frame
 from perception.places import PlaceReading, PlaceSettings, PlaceVisit
 from perception.recall import recall_readings
 from perception.star import Star
-from perception.tile_matching import Tile, align_tiles
+from perception.tile_matching import Tile, match_visits, rate_match, refine_pose
 
 PLUS, TEE = (Star.parse(("a+1", f"b+{south}", "a-1", "b-1")) for south in (1, 0))
 HEADINGS = (0.0, -np.pi / 2, np.pi, np.pi / 2)
@@ -56,7 +56,9 @@ def drive(x=0.0):
 
 
 def recall(first, second, poses=None):
-    return recall_readings((first, second), drive() if poses is None else poses, PlaceSettings())
+    poses = drive() if poses is None else poses
+    tiles, matches = match_visits((first, second), poses)
+    return recall_readings((first, second), poses, tiles, matches, PlaceSettings())
 
 
 def weights(found):
@@ -120,6 +122,7 @@ def test_tiles_are_laid_over_each_other_to_a_fraction_of_a_cell(pose):
     on = (column >= 0) & (row >= 0) & (column < CELLS) & (row < CELLS)
     turned = np.full(image.size, UNKNOWN, np.uint8)
     turned[on] = image[row[on], column[on]]
-    share, found = align_tiles(Tile(image, frame), Tile(turned.reshape(image.shape), frame))
+    tiles = Tile(image, frame), Tile(turned.reshape(image.shape), frame)
+    share, about = rate_match(*tiles)
     assert share > 0.9
-    assert found == pytest.approx(pose, abs=0.05)
+    assert refine_pose(*tiles, about) == pytest.approx(pose, abs=0.05)
