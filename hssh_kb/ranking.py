@@ -26,6 +26,10 @@ COUNT_LIMIT = 2000
 DEFAULT_POLICY = "paths-then-places"
 RankedBy = Literal["minimal", "posterior"]
 _EQUAL = 1e-9
+_RANKED_A_SECOND = 1500
+"""Maps found for each second of a budget, at most: ranking and showing them takes far longer than
+finding them."""
+
 _COUNT_SHARE, _LEAST_S = 0.25, 0.2
 """Of the time, so much may go into counting the maps unasked; and some is left in any case."""
 
@@ -113,7 +117,8 @@ def rank_maps(
     best : how many maps; by default all that tie for the best if minimality decides, else 5.
     minimal : "cardinality" or "subset": minimality decides, even where there is metrical evidence.
     planarity, order : whether these axioms hold.
-    budget_s : seconds after which a partial answer is given (``budget_spent``).
+    budget_s : seconds after which a partial answer is given (``budget_spent``); of all maps, no
+        more are found then than can be ranked in that time.
     policy : a preference of :data:`hssh_kb.theory.POLICIES`: minimality decides, in its order.
     variant : axioms switched off or weakened, or rules of one's own. Where the posterior decides,
         the search holds to the packaged axioms, and maps that break others are left out.
@@ -210,9 +215,13 @@ def _rank_all(
     """Enumerate; None if there are too many to do so without having been asked."""
     from hssh_kb.maps import enumerate_maps
 
-    limit = None if every or not order else COUNT_LIMIT
-    if limit is not None and budget_s is not None:
-        budget_s *= _COUNT_SHARE
+    asked = every or not order
+    limit = None if asked else COUNT_LIMIT
+    if budget_s is not None:
+        if asked:
+            limit = max(COUNT_LIMIT, round(_RANKED_A_SECOND * budget_s))
+        else:
+            budget_s *= _COUNT_SHARE
     found = enumerate_maps(
         experience,
         order=order,
@@ -221,7 +230,7 @@ def _rank_all(
         budget_s=budget_s,
         variant=variant,
     )
-    if not found.complete and limit is not None:
+    if not found.complete and not asked:
         return None
     sized = sorted((measure_map(experience, h, policy), i) for i, h in enumerate(found.maps))
     kept = sized[:best] if best else [one for one in sized if every or one[0] == sized[0][0]]

@@ -15,6 +15,7 @@ from hssh_kb.consistency import judge_hypothesis
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.maps import count_paths, enumerate_maps, minimal_maps, path_classes
 from hssh_kb.planarity import is_planar
+from hssh_kb.ranking import COUNT_LIMIT, rank_maps
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -73,3 +74,14 @@ def test_a_walk_too_long_to_be_solved_in_time_still_gives_maps():
     for hypothesis, cost in zip(found.maps, found.costs, strict=True):
         assert judge_hypothesis(experience, hypothesis).consistent
         assert cost[:2] == (count_paths(experience, hypothesis), len(hypothesis.places))
+
+
+def test_all_maps_are_no_more_than_can_be_ranked_within_the_budget():
+    experience = worlds.grid(3, 2, stubs=True).drive(worlds.FIGURE8)
+    few = rank_maps(experience, every=True, budget_s=1.0)
+    assert few.budget_spent
+    assert len(few.maps) == COUNT_LIMIT
+    assert few.consistent is None
+    every = rank_maps(experience, every=True, budget_s=60.0)
+    assert not every.budget_spent
+    assert every.consistent == len(every.maps) == 10_651
