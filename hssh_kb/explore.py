@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from hssh_kb.errors import NoAnswerError, UsageError
+from hssh_kb.errors import BudgetError, NoAnswerError, UsageError
 from hssh_kb.foresight import Foresight, Stand
 from hssh_kb.hypothesis import Hypothesis
 from hssh_kb.place_graph import PlaceGraph, build_place_graph
@@ -143,7 +143,8 @@ def explore(
     Raises
     ------
     NoAnswerError : no map explains the whole experience; or there is no way left to suggest.
-    UsageError : no such strategy, or too many maps for the budget.
+    UsageError : no such strategy.
+    BudgetError : too many maps for the budget.
 
     Source
     ------
@@ -212,7 +213,7 @@ def _choose_rivals(kb: KnowledgeBase, every: bool, budget_s: float | None) -> Ra
     if every:
         ranked = rank_maps(kb.experience, every=True, budget_s=budget_s)
         if ranked.budget_spent:
-            raise UsageError(
+            raise BudgetError(
                 "the budget was spent before all maps were found; weigh the ranked ones "
                 "(without --all), or give more seconds (--budget)"
             )

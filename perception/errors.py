@@ -28,7 +28,7 @@ class UsageError(HsshError):
 
 
 class BudgetError(HsshError):
-    """The time or model budget ran out; the partial answer was given."""
+    """The time or model budget ran out before there was an answer."""
 
     exit_code = 4
 
