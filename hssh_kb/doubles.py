@@ -51,11 +51,12 @@ def merge_doubles(
         the axioms refuse them, else when the walk has grown by an eighth; added to.
     """
     node: Node | None = lead
-    while node is not None:
+    while node is not None and not is_over():
         better = None
         labels = [one.decision.place for one in node.chain()[1:]]
-        for group in [] if is_over() else _group(find_doubles(tree, node), labels):
-            visits = tuple((labels.index(one), labels.index(other)) for one, other in group)
+        firsts = tree.state_of(node).firsts
+        for group in _group(find_doubles(tree, node), labels):
+            visits = tuple((firsts[one], firsts[other]) for one, other in group)
             if node.visit < put_off.get(visits, 0) or is_over():
                 continue
             change = Change(("merge", *group), merge_labels(labels, group))

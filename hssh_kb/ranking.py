@@ -217,11 +217,10 @@ def _rank_all(
 
     asked = every or not order
     limit = None if asked else COUNT_LIMIT
-    if budget_s is not None:
-        if asked:
-            limit = max(COUNT_LIMIT, round(_RANKED_A_SECOND * budget_s))
-        else:
-            budget_s *= _COUNT_SHARE
+    if budget_s is not None and asked:
+        limit = max(COUNT_LIMIT, round(_RANKED_A_SECOND * budget_s))
+    elif budget_s is not None:
+        budget_s *= _COUNT_SHARE
     found = enumerate_maps(
         experience,
         order=order,

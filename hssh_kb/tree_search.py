@@ -165,12 +165,11 @@ class TreeOfMaps(GrowingTree):
         if lead is None or goal < self._merged_to + _STRETCH // 2:
             return
         saved = self._merge_credit + _MERGE_WORK_PER_VISIT * (goal - self._merged_to)
-        self._merged_to, start = goal, self.tree.work
-        is_over = self._end_by(start + min(saved, _MERGE_WORK), lambda: False)
-        if not is_over():
-            for better in merge_doubles(self.tree, lead, is_over, self._put_off):
-                self._fronts.wait(better)
-        self._merge_credit = min(saved, _MERGE_WORK) - (self.tree.work - start)
+        self._merged_to, end = goal, self.tree.work + min(saved, _MERGE_WORK)
+        is_over = self._end_by(end, lambda: False)
+        for better in merge_doubles(self.tree, lead, is_over, self._put_off):
+            self._fronts.wait(better)
+        self._merge_credit = end - self.tree.work
 
     def _sweep(self, stage: int, last: int, is_over: Callable[[], bool]) -> None:
         """Let the front of each depth grow, from the first that may have changed to the last."""

@@ -18,6 +18,7 @@ import numpy as np
 
 from perception.geometry import Array, wrap_angle
 from perception.places import PlaceReading, PlaceVisit
+from perception.voting import are_lined_up
 
 
 @dataclass(frozen=True)
@@ -155,12 +156,9 @@ def _is_known(
     reading: PlaceReading, known: Sequence[PlaceReading], settings: ExpectationSettings
 ) -> bool:
     """Tell whether an equal reading is there already: same star, same directions, same way."""
-    size = len(reading.star)
-    alpha = np.array(reading.star.alpha, bool)
-    mine = np.asarray(reading.headings_rad)
-    for other in known:
-        for r in reading.star.isomorphisms(other.star):
-            turned = np.asarray(other.headings_rad)[(np.arange(size) + r) % size]
-            if np.all(np.abs(wrap_angle(turned - mine))[alpha] < settings.same_rad):
-                return True
-    return False
+    return any(
+        are_lined_up(
+            reading.star, reading.headings_rad, other.star, other.headings_rad, settings.same_rad
+        )
+        for other in known
+    )

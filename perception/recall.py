@@ -20,14 +20,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.geometry import Array, wrap_angle
+from perception.geometry import Array, invert, transform_points, wrap_angle
 from perception.grid import FREE, OCCUPIED, UNKNOWN, Image
 from perception.lpm import CALLED_AT, LocalMap
 from perception.places import PlaceVisit
-from perception.revisit import read_points
+from perception.revisit import look_again
 from perception.sightings import PlaceSettings, Sighting
 from perception.tile_matching import Match, Tile, refine_pose
-from perception.voting import PlaceReading
+from perception.voting import PlaceReading, are_lined_up
 
 SURE_NATS = 4.0
 """LPMs that fit so well show one place."""
@@ -63,9 +63,6 @@ def recall_readings(
     See the head of this module.
     """
     links = _link(visits, tiles, matches)
-    # Maps laid over each other are known to a cell: the robot is slimmer by one on both sides.
-    slim_m = max(settings.robot_radius_m - settings.cell_m, 0.0)
-    how = replace(settings, robot_radius_m=slim_m, by_sight=True)
     out = []
     for v, visit in enumerate(visits):
         best = sorted(links[v], key=lambda link: -link[0])[:MOST_VISITS]
@@ -76,7 +73,8 @@ def recall_readings(
         for _, u, pose in best:
             _fill_unknown(local, visit, tiles[u], pose)
         passage = visit.first_scan, visit.scan, visit.last_scan
-        sightings = read_points(local, poses, visit.centre_m, passage, how)
+        # Maps laid over each other are known to a cell: the robot is slimmer by one.
+        sightings = look_again(local, poses, visit.centre_m, passage, settings, (1,))
         out.append(_weigh(visit, sightings, [(visits[u], pose[2]) for _, u, pose in best]))
     return tuple(out)
 
@@ -92,15 +90,8 @@ def _link(
         if in_doubt and one.nats >= SURE_NATS:
             pose = refine_pose(tiles[u], tiles[v], one.pose)
             links[u].append((one.nats, v, pose))
-            links[v].append((one.nats, u, _invert(pose)))
+            links[v].append((one.nats, u, invert(pose)))
     return links
-
-
-def _invert(pose: Array) -> Array:
-    """Return the pose (3,) of the first frame in the second, given that of the second in it."""
-    x, y, turn = pose
-    c, s = np.cos(turn), np.sin(turn)
-    return np.array([-c * x - s * y, s * x - c * y, -turn])
 
 
 def _open_map(visit: PlaceVisit, settings: PlaceSettings) -> LocalMap:
@@ -123,8 +114,7 @@ def _fill_unknown(local: LocalMap, visit: PlaceVisit, tile: Tile, pose: Array) -
     """Fill the unknown cells of a visit's map from the tile of another, at a pose (3,) in its."""
     unknown = np.column_stack(np.nonzero(local.log_odds == 0.0))
     here = local.frame.to_metres(unknown[:, ::-1].astype(float)) - visit.centre_m
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    there = (here - pose[:2]) @ np.array([[c, -s], [s, c]])
+    there = transform_points(invert(pose), here)
     column, row = np.rint(tile.frame.to_pixels(there)).astype(int).T
     height, width = tile.image.shape
     on = (column >= 0) & (row >= 0) & (column < width) & (row < height)
@@ -152,7 +142,7 @@ def _weigh(
             if not _keeps(_list_ways(headings, read.star.alpha), least):
                 continue
             for k, own in enumerate(visit.readings):
-                if _is_same(own, read.star.isomorphisms(own.star), headings):
+                if are_lined_up(read.star, headings, own.star, own.headings_rad, SAME_RAD):
                     repeated[k] += read.weight * shared[k]
                     break
     if not repeated.any():
@@ -167,7 +157,13 @@ def _weigh(
 def _has(visit: PlaceVisit, reading: PlaceReading, turn_rad: float) -> bool:
     """Tell whether a visit, turned so far, has a reading of another among its own."""
     return any(
-        _is_same(reading, r.star.isomorphisms(reading.star), np.asarray(r.headings_rad) + turn_rad)
+        are_lined_up(
+            r.star,
+            np.asarray(r.headings_rad) + turn_rad,
+            reading.star,
+            reading.headings_rad,
+            SAME_RAD,
+        )
         for r in visit.readings
     )
 
@@ -183,14 +179,3 @@ def _keeps(ways_rad: Array, least_rad: Array) -> bool:
         return False
     off = np.abs(wrap_angle(ways_rad[:, None] - least_rad[None, :]))
     return bool((off.min(axis=0, initial=np.inf) < SAME_RAD).all())
-
-
-def _is_same(own: PlaceReading, turns: Sequence[int], headings_rad: Array) -> bool:
-    """Tell whether a reading, isomorphic to an own one by some turns, has its ways there too."""
-    size, mine = len(own.star), np.asarray(own.headings_rad)
-    for r in turns:
-        there = (np.arange(size) + r) % size
-        ways = np.array(own.star.alpha, bool)[there]
-        if (np.abs(wrap_angle(mine[there] - headings_rad))[ways] < SAME_RAD).all():
-            return True
-    return False

@@ -7,6 +7,7 @@ taken on the way to it and away from it, is much the same from whichever side it
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import cv2
@@ -78,6 +79,7 @@ def look_again(
     centre_m: Array,
     passage: tuple[int, int, int],
     settings: PlaceSettings,
+    slimmer_cells: Sequence[int] = (0, 1),
 ) -> list[Sighting]:
     """Read the local topology of a place in the map of its passage, from a few points in it.
 
@@ -86,28 +88,13 @@ def look_again(
     local : see :func:`map_passage`, centred on the place. poses : (n, 3) of the laser, drive frame.
     centre_m : (2,) of the place, drive frame.
     passage : the first scan of the passage, the one nearest to the centre, and the last.
+    slimmer_cells : it is read for robots slimmer by so many cells on both sides, until one finds
+        nothing.
 
     Source
     ------
     Ours.
     """
-    how = replace(settings, by_sight=True)
-    found = read_points(local, poses, centre_m, passage, how)
-    if not found:
-        return []
-    slim = replace(how, robot_radius_m=max(how.robot_radius_m - how.cell_m, 0.0))
-    more = read_points(local, poses, centre_m, passage, slim)
-    return found + [replace(s, vote=SLIM_VOTE) for s in more]
-
-
-def read_points(
-    local: LocalMap,
-    poses: Array,
-    centre_m: Array,
-    passage: tuple[int, int, int],
-    settings: PlaceSettings,
-) -> list[Sighting]:
-    """Read the local topology once from each of a few points; as :func:`look_again`."""
     first, nearest, last = passage
     local = local.shrink_to(min(WINDOW_M, settings.lpm_m))
     sides = np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]], float)
@@ -118,8 +105,16 @@ def read_points(
     if len(way):
         chosen = np.linspace(0, len(way) - 1, min(len(way), MOST_ON_WAY)).round().astype(int)
         points += list(way[chosen])
-    found = (read_topology(nearest, poses, local, settings, at_m=point) for point in points)
-    return [s for s in found if s is not None and np.hypot(*(s.centre_m - centre_m)) < SAME_M]
+    found = list[Sighting]()
+    for cells in slimmer_cells:
+        radius_m = max(settings.robot_radius_m - cells * settings.cell_m, 0.0)
+        how = replace(settings, robot_radius_m=radius_m, by_sight=True)
+        read = [read_topology(nearest, poses, local, how, at_m=point) for point in points]
+        near = [s for s in read if s is not None and np.hypot(*(s.centre_m - centre_m)) < SAME_M]
+        if not near:
+            break
+        found += [replace(s, vote=SLIM_VOTE) for s in near] if cells else near
+    return found
 
 
 def find_walled_off(

@@ -6,13 +6,14 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from perception.geometry import Array
-from perception.grid import Frame, Image, classify
+from perception.grid import Cells, Frame, Image, classify
 from perception.places import PlaceVisit
 
 NEAR_M = 0.15
@@ -85,16 +86,18 @@ class Tile:
     @cached_property
     def gaps_m(self) -> Array:
         """(H, W) how far the nearest wall is, at most ``FAR_M``; NaN where it is unknown."""
-        cells = classify(self.image)
-        far = cv2.distanceTransform((~cells.occupied).view(np.uint8), cv2.DIST_L2, 5)
-        gaps = np.minimum(np.asarray(far, float) * self.frame.resolution_m, FAR_M)
-        return np.where(cells.unknown, np.nan, gaps)
+        cells, far_m = self._measure()
+        return np.where(cells.unknown, np.nan, np.minimum(far_m, FAR_M))
 
     def _draw(self, near_m: float) -> NDArray[np.int8]:
+        cells, far_m = self._measure()
+        return np.where(far_m <= near_m, 1, np.where(cells.free, 0, -1)).astype(np.int8)
+
+    def _measure(self) -> tuple[Cells, Array]:
+        """Return the kinds of cells, and (H, W) how far the nearest wall is, metres."""
         cells = classify(self.image)
         far = cv2.distanceTransform((~cells.occupied).view(np.uint8), cv2.DIST_L2, 5)
-        near = np.asarray(far) * self.frame.resolution_m <= near_m
-        return np.where(near, 1, np.where(cells.free, 0, -1)).astype(np.int8)
+        return cells, np.asarray(far * self.frame.resolution_m)
 
 
 def rate_match(first: Tile, second: Tile, turn_rad: float = 0.0) -> tuple[float, Array] | None:
@@ -159,17 +162,10 @@ def refine_pose(first: Tile, second: Tile, pose: Array) -> Array:
 def _measure_gaps(first: Tile, second: Tile, poses: Array) -> Array:
     """Return for poses (k, 3) of the second the mean gap between common walls, metres."""
     there, back = _lay_over(first, second, poses, REFINE_POINTS)
-    gaps = np.concatenate([_look_up_gaps(first, there), _look_up_gaps(second, back)], axis=1)
+    both = (first, there), (second, back)
+    gaps = np.concatenate([_sample(t, t.gaps_m, points, np.nan) for t, points in both], axis=1)
     known = np.maximum(np.isfinite(gaps).sum(axis=1), 1)
     return np.asarray(np.nansum(gaps, axis=1) / known)
-
-
-def _look_up_gaps(tile: Tile, points_m: Array) -> Array:
-    """Return for sets of points (k, n, 2) how far the nearest wall is; NaN in the unknown."""
-    padded = np.pad(tile.gaps_m, 1, constant_values=np.nan)
-    column, row = np.moveaxis(np.rint(tile.frame.to_pixels(points_m)).astype(np.int32) + 1, -1, 0)
-    height, width = padded.shape
-    return np.asarray(padded[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)])
 
 
 def _list_steps(half: float, step: float) -> list[float]:
@@ -206,13 +202,17 @@ def _thin(points: Array, count: int) -> Array:
 
 def _look_up(tile: Tile, points_m: Array, stage: int) -> tuple[Array, Array]:
     """Return for sets of points (k, n, 2) how many lie near a wall, and how many in known space."""
-    field = tile.fine if stage else tile.coarse
-    padded = np.pad(field, 1, constant_values=-1)
+    found = _sample(tile, tile.fine if stage else tile.coarse, points_m, -1)
+    return (found > 0).sum(axis=1), (found >= 0).sum(axis=1)
+
+
+def _sample(tile: Tile, field: NDArray[Any], points_m: Array, outside: float) -> NDArray[Any]:
+    """Return the values of a field (H, W) of a tile at points (k, n, 2)."""
+    padded = np.pad(field, 1, constant_values=outside)
     cells = np.rint(tile.frame.to_pixels(points_m)).astype(np.int32) + 1
     column = np.clip(cells[..., 0], 0, padded.shape[1] - 1)
     row = np.clip(cells[..., 1], 0, padded.shape[0] - 1)
-    found = padded[row, column]
-    return (found > 0).sum(axis=1), (found >= 0).sum(axis=1)
+    return np.asarray(padded[row, column])
 
 
 def weigh_match(share: float, alias: float = 0.0) -> float:

@@ -80,11 +80,15 @@ class _Group:
 
     reading: StarReading
     headings_rad: Array
-    gateways_m: Array
     ends_m: Array
     votes: float
     best_vote: float
     is_plain: bool = False
+
+    @property
+    def gateways_m(self) -> Array:
+        """(m, 2) middle of the gateway of each dlp; NaN where alpha is 0."""
+        return np.asarray(self.ends_m.mean(axis=1))
 
 
 def _vote(
@@ -103,30 +107,21 @@ def _vote(
         for reading in sighting.topology.readings:
             vote = weight * reading.weight
             headings = -np.asarray(reading.headings_px, float)
-            gates = _dlp_gateways(reading, sighting) - sighting.centre_m
             ends = _dlp_ends(reading, sighting) - sighting.centre_m
             for group in groups:
-                if _same_star(group, reading, headings):
+                theirs = group.reading.star, group.headings_rad
+                if are_lined_up(reading.star, headings, *theirs, _SAME_HEADING_RAD):
                     break
             else:
-                group = _Group(reading, headings, gates, ends, 0.0, 0.0)
+                group = _Group(reading, headings, ends, 0.0, 0.0)
                 groups.append(group)
             group.votes += vote
             group.is_plain |= sighting.vote >= 1.0
             if vote > group.best_vote:
                 group.reading, group.headings_rad = reading, headings
-                group.gateways_m, group.ends_m, group.best_vote = gates, ends, vote
+                group.ends_m, group.best_vote = ends, vote
     total = sum(group.votes for group in groups)
     return [(g, g.votes / total) for g in groups if not is_path(g.reading.star)]
-
-
-def _dlp_gateways(reading: StarReading, sighting: Sighting) -> Array:
-    """Return the (m, 2) gateway centre of each dlp, drive frame; NaN where alpha is 0."""
-    out = np.full((len(reading.star), 2), np.nan)
-    for k, gateway in enumerate(reading.gateway_out):
-        if gateway is not None:
-            out[k] = sighting.gateways_m[gateway]
-    return out
 
 
 def _dlp_ends(reading: StarReading, sighting: Sighting) -> Array:
@@ -139,13 +134,29 @@ def _dlp_ends(reading: StarReading, sighting: Sighting) -> Array:
     return out
 
 
-def _same_star(group: _Group, reading: StarReading, headings: Array) -> bool:
-    """Tell whether two readings are one star: isomorphic with their directions lined up."""
-    size = len(reading.star)
-    alpha = np.array(reading.star.alpha, bool)
-    for r in reading.star.isomorphisms(group.reading.star):
-        turned = group.headings_rad[(np.arange(size) + r) % size]
-        if np.all(np.abs(wrap_angle(turned - headings))[alpha] < _SAME_HEADING_RAD):
+def are_lined_up(
+    star: Star,
+    headings_rad: Sequence[float] | Array,
+    other: Star,
+    other_headings_rad: Sequence[float] | Array,
+    within_rad: float,
+) -> bool:
+    """Tell whether two stars are isomorphic with their gateways in the same directions.
+
+    Parameters
+    ----------
+    headings_rad, other_headings_rad : (m,) of the dlps of each, in one frame.
+    within_rad : directions that differ by less are the same.
+
+    Source
+    ------
+    Ours.
+    """
+    alpha, own = np.array(star.alpha, bool), np.asarray(headings_rad, float)
+    theirs = np.asarray(other_headings_rad, float)
+    for r in star.isomorphisms(other):
+        turned = theirs[(np.arange(len(star)) + r) % len(star)]
+        if np.all(np.abs(wrap_angle(turned - own))[alpha] < within_rad):
             return True
     return False
 
