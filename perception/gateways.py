@@ -35,10 +35,6 @@ _LEADS_FAR = 2.0
 _AT_EDGE = 0.1
 """Share of a search area; the reach of an anchor may begin so far beyond the edge of the core."""
 
-_BLUNT_ENDS = 1.0
-"""So many cells wider than it is seems a neck that is no longer than wide, such as a door: the last
-cell of the walls at its sides is seldom hit by a lidar."""
-
 _VIRTUAL_NEIGHBOURS = 4
 """Cells of a virtual outline this near on it are one anchor; it is rougher than a wall."""
 
@@ -61,8 +57,7 @@ class Gateway:
     anchor_px : the wall point that fixed it, if one did; it may be virtual.
     path_type : of the directed local-path that leaves here; see :mod:`perception.path_types`.
     opposite_type : of its opposite, where that cannot be travelled: ``"DEADEND"`` or ``"NONE"``.
-    neck_px : width of the narrowest spot from here to as far beyond as the gateway is wide, as a
-        lidar sees it: a short one looks wider in the grid.
+    neck_px : width of the narrowest spot from here to as far beyond as the gateway is wide.
     """
 
     centre_px: Point
@@ -268,6 +263,8 @@ def _as_gateway(
     dx, dy = math.cos(heading_rad), math.sin(heading_rad)
     ends = ((x + dy * radius, y - dx * radius), (x - dy * radius, y + dx * radius))
     depth = arm.depth_px - float(branch.steps_px[place]) if arm.depth_px else 0.0
+    ahead = branch.steps_px[place:] - branch.steps_px[place]
+    neck = 2 * float(branch.radius_px[place:][ahead <= 2 * radius].min())
     kind = "midline"
     if branch.left[place] == OPEN or branch.right[place] == OPEN:
         kind = "rightwall" if branch.left[place] == OPEN else "leftwall"
@@ -282,20 +279,8 @@ def _as_gateway(
         kind,
         anchor,
         tell_path_type(branch, place),
-        neck_px=_measure_neck(branch, place),
+        neck_px=neck,
     )
-
-
-def _measure_neck(branch: Branch, place: int) -> float:
-    """Return the width of the narrowest spot from a place to as far on as it is wide there."""
-    steps, radius = branch.steps_px, branch.radius_px
-    near = steps[place:] <= steps[place] + 2.0 * radius[place]
-    k = place + int(radius[place:][near].argmin())
-    width = 2.0 * float(radius[k])
-    wider = radius > radius[k] + 1.0
-    before, after = steps[:k][wider[:k]], steps[k:][wider[k:]]
-    is_short = len(before) and len(after) and after[0] - before[-1] < width
-    return width - _BLUNT_ENDS if is_short else width
 
 
 def rate_way(

@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 
 from perception.errors import InputError
-from perception.geometry import compose, transform_points
 from perception.level import Level, close_gateways, is_crossed
-from perception.lpm import LocalMap
-from perception.simulate import Lidar, measure_scans
 from perception.topology import local_topology
 
 CELL_M = 0.1
@@ -111,34 +108,3 @@ def test_a_door_is_narrower_than_half_the_corridor_driven(side_m, ways):
     assert sum(seen.star.alpha) == ways
     # Of a corridor whose width nobody knows no opening is too narrow.
     assert sum(read(draw_crossing(side_m), Level(door_share=0.5)).star.alpha) == 4
-
-
-def build_doorway(shift_m, door_m=0.9):
-    """Walls (n, 4) of a corridor 2.4 m wide with a room behind a door that begins at the shift."""
-    low, high, back = 1.2, 1.35, 4.0
-    jambs = shift_m, shift_m + door_m
-    rows = [(-9, -low, 9, -low), (-9, low, jambs[0], low), (jambs[1], low, 9, low)]
-    rows += [(x, low, x, high) for x in jambs]
-    rows += [(-2, high, jambs[0], high), (jambs[1], high, 3, high)]
-    rows += [(-2, high, -2, back), (3, high, 3, back), (-2, back, 3, back)]
-    return np.array(rows, float)
-
-
-def test_a_door_is_as_wide_as_it_is_however_it_lies_on_the_cells():
-    lidar, found = Lidar(beams=181), []
-    settings = {"resolution_m": CELL_M, "robot_radius_m": 0.3, "denoise": False}
-    for k, turn in enumerate(np.radians([0, 0, 7, 15, 22, 30, 37, 45])):
-        poses = np.column_stack([np.arange(-3.0, 4.0, 0.2), np.zeros((35, 2))])
-        walls = build_doorway(shift_m=0.013 * k)
-        ranges = measure_scans(walls, poses, lidar, np.random.default_rng(k))
-        local = LocalMap(9.0, CELL_M)
-        for pose, scan in zip(compose(np.array([0, 0, turn]), poses), ranges, strict=True):
-            local.add_scan(pose, scan, lidar.angles_rad)
-        middle = transform_points(np.array([0, 0, turn]), np.array([[0.5, 0.0]]))[0]
-        at = tuple(local.frame.to_pixels(middle).tolist())
-        topology = local_topology(local.image(), robot_px=at, **settings)
-        doors = [g for g in topology.gateways if np.sin(-g.outward_rad - turn) > 0.7]
-        found += [g.neck_px * CELL_M for g in doors]
-    assert len(found) == 8
-    assert abs(np.mean(found) - 0.9) < 0.05
-    assert max(np.abs(np.array(found) - 0.9)) < 0.13
