@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hssh_kb.errors import InternalError
 from hssh_kb.scene import Bitmap, Disc, Item, Line, Scene, Shape, Text
-from perception.geometry import Array
+from perception.geometry import Array, measure_along
 
 _SHIFT = 4  # OpenCV takes coordinates in sixteenths of a pixel
 _Canvas = NDArray[np.uint8]
@@ -119,8 +119,7 @@ def _blend(
 
 def _cut_dashes(points: Array, dash: float) -> Iterator[Array]:
     """Cut a polyline into dashes as long as the gaps between them."""
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    along = np.concatenate([[0.0], np.cumsum(steps)])
+    along = measure_along(points)
     start = 0.0
     while start < along[-1]:
         end = min(start + dash, along[-1])

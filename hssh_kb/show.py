@@ -15,7 +15,7 @@ from hssh_kb.palette import BLOCKED, DRIVE, INK, PAPER, ROUTE, STUB, Palette, pa
 from hssh_kb.place_graph import Edge, Place, PlaceGraph
 from hssh_kb.scene import Bitmap, Disc, Line, Scene, Shape, Text
 from perception.atomic import write_atomically
-from perception.geometry import Array
+from perception.geometry import Array, measure_along
 from perception.grid import UNKNOWN
 
 if TYPE_CHECKING:
@@ -332,7 +332,7 @@ def _smooth(points: Array, rounds: int = 2) -> Array:
 
 def _resample(points: Array, step: float) -> Array:
     """Return points along a polyline, a step apart."""
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    along = measure_along(points)
     at = np.linspace(0.0, along[-1], max(int(along[-1] / max(step, 1e-9)), 1) + 1)
     return np.column_stack([np.interp(at, along, points[:, axis]) for axis in (0, 1)])
 

@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from perception.geometry import Array, wrap_angle
+from perception.geometry import Array, measure_along, wrap_angle
 from perception.places import PlaceReading, PlaceVisit
-from perception.voting import are_lined_up
+from perception.voting import are_lined_up, list_ways
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,7 @@ def expect_readings(
     visits : in order of time. poses : (n, 3) of the laser, drive frame.
     """
     settings = settings or ExpectationSettings()
-    steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
-    driven = np.concatenate([[0.0], np.cumsum(steps)])
+    driven = measure_along(poses[:, :2])
     return tuple(_with_expected(v, visits, driven, settings) for v in range(len(visits)))
 
 
@@ -88,7 +87,9 @@ def _carry_over(
 ) -> PlaceReading | None:
     """Return the star that was seen elsewhere as a reading of this visit, None if it cannot be."""
     own = visit.readings[0]
-    turn = _best_turn(_open_headings(seen), _open_headings(own), settings)
+    turn = _best_turn(
+        list_ways(seen.star, seen.headings_rad), list_ways(own.star, own.headings_rad), settings
+    )
     headings = np.asarray(seen.headings_rad) + turn
     came = None if own.arrive is None else own.headings_rad[own.star.opposite(own.arrive)]
     went = None if own.depart is None else own.headings_rad[own.depart]
@@ -115,12 +116,6 @@ def _carry_over(
     )
 
 
-def _open_headings(reading: PlaceReading) -> Array:
-    """Return the directions (k,) in which the star can be left."""
-    alpha = np.array(reading.star.alpha, bool)
-    return np.asarray(np.asarray(reading.headings_rad, float)[alpha], float)
-
-
 def _best_turn(seen: Array, own: Array, settings: ExpectationSettings) -> float:
     """Return the small turn that lines up most gateways of the one star with the other's."""
     best, best_cost = 0.0, np.inf
@@ -144,7 +139,7 @@ def _likelihood(headings: Array, visit: PlaceVisit, settings: ExpectationSetting
     """Return how well gateways in these directions explain what was read at the visit."""
     total = 0.0
     for reading in visit.readings:
-        own = _open_headings(reading)
+        own = list_ways(reading.star, reading.headings_rad)
         off = np.abs(wrap_angle(headings[:, None] - own[None, :])) < settings.same_rad
         missed = int((~off.any(axis=1)).sum())
         imagined = int((~off.any(axis=0)).sum())

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from perception.errors import InputError
-from perception.geometry import Array
+from perception.geometry import Array, measure_along
 from perception.grid import Image, Mask, classify
 from perception.region import Index, Region
 
@@ -253,8 +253,7 @@ def _trace_walls(
     for number, contour in enumerate(contours):
         points = contour.reshape(-1, 2).astype(np.int64)
         smooth = uniform_filter1d(points.astype(float), smooth_px, axis=0, mode="wrap")
-        step = np.hypot(*np.diff(smooth, axis=0, append=smooth[:1]).T)
-        along = np.concatenate([[0.0], np.cumsum(step)])
+        along = measure_along(np.vstack([smooth, smooth[:1]]))
         walls.append(points)
         arcs.append(np.full(len(points), number))
         positions.append(along[:-1].astype(np.int32))

@@ -100,6 +100,18 @@ def compose_covariance(a: Any, cov_a: Any, b_in_a: Any, cov_b: Any) -> Array:  #
     return np.asarray(first + to_b @ np.asarray(cov_b) @ to_b.swapaxes(-1, -2))
 
 
+def measure_along(points: Any) -> Array:  # noqa: ANN401
+    """Return how far each of the points (n, 2) lies along the line through them: (n,), from 0.
+
+    Examples
+    --------
+    >>> measure_along([[0, 0], [3, 4], [3, 5]]).tolist()
+    [0.0, 5.0, 6.0]
+    """
+    steps = np.hypot(*np.diff(np.asarray(points, float), axis=0).T)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
 def chain_motions(motions: Any) -> Array:  # noqa: ANN401
     """Compose motions (n, 3), each in the frame the one before leads to: (n + 1, 3) poses.
 

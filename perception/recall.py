@@ -27,7 +27,7 @@ from perception.places import PlaceVisit
 from perception.revisit import look_again
 from perception.sightings import PlaceSettings, Sighting
 from perception.tile_matching import Match, Tile, refine_pose
-from perception.voting import PlaceReading, are_lined_up
+from perception.voting import PlaceReading, are_lined_up, list_ways
 
 SURE_NATS = 4.0
 """LPMs that fit so well show one place."""
@@ -132,14 +132,14 @@ def _weigh(
     ----------
     others : the visits that the map was filled from, and how far each is turned, radians.
     """
-    least = _list_ways(np.asarray(visit.readings[0].headings_rad), visit.readings[0].star.alpha)
+    least = list_ways(visit.readings[0].star, visit.readings[0].headings_rad)
     shared = [all(_has(other, own, turn) for other, turn in others) for own in visit.readings]
     repeated, total = np.zeros(len(visit.readings)), 0.0
     for sighting in sightings:
         for read in sighting.topology.readings:
             total += read.weight
             headings = -np.asarray(read.headings_px, float)
-            if not _keeps(_list_ways(headings, read.star.alpha), least):
+            if not _keeps(list_ways(read.star, headings), least):
                 continue
             for k, own in enumerate(visit.readings):
                 if are_lined_up(read.star, headings, own.star, own.headings_rad, SAME_RAD):
@@ -166,11 +166,6 @@ def _has(visit: PlaceVisit, reading: PlaceReading, turn_rad: float) -> bool:
         )
         for r in visit.readings
     )
-
-
-def _list_ways(headings_rad: Array, alpha: Sequence[int]) -> Array:
-    """Return the directions (k,) in which a star can be left."""
-    return np.asarray(headings_rad[np.array(alpha, bool)])
 
 
 def _keeps(ways_rad: Array, least_rad: Array) -> bool:

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.geometry import Array
+from perception.geometry import Array, measure_along
 from perception.grid import Cells, Frame, Image, classify
 from perception.places import PlaceVisit
 
@@ -262,8 +262,7 @@ def match_visits(
     tiles : of the visits.
     matches : of visits near enough to each other to be compared, that have enough in common.
     """
-    legs = np.hypot(*np.diff(poses[:, :2], axis=0).T)
-    driven = np.concatenate([[0.0], np.cumsum(legs)])
+    driven = measure_along(poses[:, :2])
     tiles = tuple(_make_tile(visit) for visit in visits)
     found = []
     for v, visit in enumerate(visits):

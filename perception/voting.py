@@ -134,6 +134,11 @@ def _dlp_ends(reading: StarReading, sighting: Sighting) -> Array:
     return out
 
 
+def list_ways(star: Star, headings_rad: Sequence[float] | Array) -> Array:
+    """Return the directions (k,) in which a star can be left, of those of its dlps (m,)."""
+    return np.asarray(np.asarray(headings_rad, float)[np.array(star.alpha, bool)])
+
+
 def are_lined_up(
     star: Star,
     headings_rad: Sequence[float] | Array,
